@@ -1,5 +1,6 @@
 //! The search for the best fit, and the result with its intervals.
 
+use std::cell::LazyCell;
 use std::cmp::Ordering;
 
 use crate::best::{best, free, rival};
@@ -23,7 +24,7 @@ use crate::{Error, LargeResidual};
 const UNEXPLAINED: f64 = 0.25;
 /// A torque that depends on the position is the cause where it explains more than this part of the residuals.
 const MIN_EXPLAINED: f64 = 0.9;
-/// Terms of the position take at least this part of the squares.
+/// Terms of the position take at least this part of the squares, or of what the torque's equation leaves.
 const TERMS_TAKE: f64 = 1.0 / 3.0;
 /// A record longer than this, in s, is fitted from its beginning on.
 const LONG: f64 = 8.0;
@@ -75,14 +76,24 @@ fn identified(
     }
     // Stops that explain a record that nothing else explains are the device's, if the record determines them at all.
     let stopped = stopped.filter(has(FoundStops::are_determined));
+    let loaded = LazyCell::new(|| {
+        let found = device::search_loaded(record, known)?.identified(record, known)?;
+        found.stops.as_ref().is_none_or(FoundStops::are_determined).then_some(found)
+    });
+    let loaded = |is_sure: &dyn Fn(&Identified) -> bool| {
+        loaded.as_ref().filter(|found| found.stops.is_some() || is_sure(found)).cloned()
+    };
+    // The search for a puck is long too. Where much of the torque depends on the position, a device with such torques comes first.
+    if stopped.is_none()
+        && by_torque.is_some_and(|fit| fit.of_position() > TERMS_TAKE)
+        && let Some(found) = loaded(&|found| !found.terms.is_empty())
+    {
+        return Ok(found);
+    }
     match search_or_glimpse(record, known, by_torque) {
         Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => {
-            let loaded = || device::search_loaded(record, known)?.identified(record, known);
-            let is_sure = |found: &Identified| match &found.stops {
-                Some(stops) => stops.are_determined(),
-                None => found.terms.is_empty() || takes_much(found, &wrong),
-            };
-            stopped.or_else(|| loaded().filter(is_sure)).ok_or(wrong)
+            let is_sure = |found: &Identified| found.terms.is_empty() || takes_much(found, &wrong);
+            stopped.or_else(|| loaded(&is_sure)).ok_or(wrong)
         }
         Ok(found) => {
             let found = found.identified(record, known);

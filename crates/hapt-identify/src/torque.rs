@@ -16,7 +16,7 @@ use crate::puck::Puck;
 use crate::quantile::student;
 use crate::record::{CancellableRecord, Record};
 use crate::start::{delayed, signs};
-use crate::terms::{Choice, Term, terms};
+use crate::terms::{Choice, Term, TermKind, terms};
 
 /// The bands: lengths of the windows in s, and whether the weight is the bump's slope. The longer ones contain slow torques, and the slope
 /// no constant one: where the model is right all agree, and where they differ the interval is as wide as they differ.
@@ -199,6 +199,12 @@ impl TorqueFit {
     /// Whether the equation of motion leaves more of the torque than the positions' noise explains, as for a richer device.
     pub fn leaves_more_than_noise(&self) -> bool {
         is_rich(self.beyond_noise, self.misfit.share)
+    }
+
+    /// The part of its residual without terms that torques and friction of the position predict.
+    pub(crate) fn of_position(&self) -> f64 {
+        let is_one = |term: &&Term| !matches!(term.kind, TermKind::Stribeck { .. } | TermKind::Drag);
+        self.terms.iter().filter(is_one).filter_map(|term| term.predicts).sum()
     }
 
     /// Whether the motion depends on the torque at all: otherwise the columns are not of one device, or a hand moved it.

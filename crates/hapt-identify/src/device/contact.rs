@@ -40,6 +40,8 @@ const RISES: [f64; 4] = [1.0, 0.3, 3.0, 0.1];
 const AGAIN: usize = 2;
 const BRIEF: usize = 12;
 const MANY: usize = 60;
+/// About this many shots show that a device does not explain a record.
+const FEW_SHOTS: usize = 16;
 /// Stretches that begin away from the motion begin anew at most this many times.
 const MENDS: usize = 3;
 /// Short shots leave at most this many times the noise, or this part of the motion's standard deviation, before a lag is tried.
@@ -356,20 +358,22 @@ fn around(record: &CancellableRecord<'_>, start: Device, free: Free, turns: [Opt
 
 /// The fit from this device that explains the whole record; `None`: none does.
 pub(super) fn explains(record: &CancellableRecord<'_>, device: Device, free: Free) -> Option<Fit> {
-    fitted(record, device, free, Shot::all(record, record.first()))
+    let all = Shot::all(record, record.first());
+    // Most devices that are tried do not explain the record, and a part of it shows that in a part of the time.
+    let one_in = all.len() / FEW_SHOTS;
+    if one_in > 1 {
+        let few = all.iter().step_by(one_in).copied().collect();
+        let few = short(record, device, free, few)?;
+        if !few.is_right(record) {
+            lagging(record, &few).filter(|fit| fit.is_right(record))?;
+        }
+    }
+    fitted(record, device, free, all)
 }
 
 /// The fit that explains some shots, with a lag where that is needed; `None`: none does.
 fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec<Shot>) -> Option<Fit> {
-    let begun = Fit::of(record, device, free, shots)?;
-    let mut fit = begun.mended(record).unwrap_or(begun).improved(record, MANY)?;
-    for _ in 0..MENDS {
-        let Some(mended) = fit.mended(record) else { break };
-        fit = mended.improved(record, MANY)?;
-    }
-    if is_hopeless(record, &fit) {
-        return None;
-    }
+    let fit = short(record, device, free, shots)?;
     let right = |fit: &Fit| fit.is_right(record);
     if right(&fit)
         && let Some(long) = fit.clone().lengthened(record, MANY)
@@ -382,6 +386,17 @@ fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec
     }
     // A longer lag makes a long motion nonlinear in the parameters, and is found from short ones.
     lagging(record, &fit).filter(right)?.lengthened(record, MANY).filter(right)
+}
+
+/// The fit of short shots; `None`: it leaves too much.
+fn short(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec<Shot>) -> Option<Fit> {
+    let begun = Fit::of(record, device, free, shots)?;
+    let mut fit = begun.mended(record).unwrap_or(begun).improved(record, MANY)?;
+    for _ in 0..MENDS {
+        let Some(mended) = fit.mended(record) else { break };
+        fit = mended.improved(record, MANY)?;
+    }
+    (!is_hopeless(record, &fit)).then_some(fit)
 }
 
 /// Whether a fit of short shots leaves far more than the noise, and than a lag can explain over their time.

@@ -101,7 +101,7 @@ fn added(record: &CancellableRecord<'_>, tried: Tried, fit: Fit) -> Option<Fit> 
     for _ in 0..MOST_ADDED {
         let is_right = at.is_right_by_choice(record);
         // A lag of some periods shows only in a fit with it.
-        let found = next(record, tried, &at, is_right).or_else(|| late(record, &at).filter(|_| !is_right));
+        let found = next(record, tried, &at, is_right).or_else(|| if is_right { None } else { late(record, &at) });
         let Some(found) = found else { break };
         at = found;
     }
