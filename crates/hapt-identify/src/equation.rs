@@ -56,7 +56,7 @@ const POWER: i32 = 5;
 /// Windows overlap: this many begin within half of one.
 const OVERLAP: usize = 6;
 /// A window with fewer samples to a side does not determine a second derivative.
-const FEWEST: usize = 6;
+pub(crate) const FEWEST: usize = 6;
 /// A gap of this many periods is in no window.
 const GAP: f64 = 4.0;
 /// A window in which the puck moves less than this part of the time is left out: at rest friction balances any torque.

@@ -14,7 +14,7 @@ const HEADER: usize = 128;
 const LARGEST: u64 = 64 << 20;
 /// The deepest nesting of structs.
 const DEEPEST: usize = 4;
-/// The most columns of a matrix that are read one by one.
+/// The most columns or rows of a matrix that are read one by one.
 const WIDEST: usize = 64;
 
 const MATRIX: u32 = 14;
@@ -36,7 +36,7 @@ pub fn is_mat(bytes: &[u8]) -> bool {
 }
 
 /// The table of a MATLAB file as text with commas, for [`crate::Columns::read_all`]: the arrays of the longest length that two of them
-/// have. A column of a matrix is `name:1`, a field of a struct `name.field`.
+/// have. A column of a matrix, or a row of one that is wider than long, is `name:1`, a field of a struct `name.field`.
 ///
 /// # Errors
 /// [`Error::Columns`] for a file of another level, one that is cut short, and one without two numeric arrays of one length.
@@ -164,13 +164,19 @@ fn array(data: &[u8], is_big: bool, parent: Option<&str>, depth: usize, columns:
     }
     let is_numeric = NUMERIC.contains(&class) && flags & COMPLEX == 0;
     let (Some((kind, data)), true, [rows, width]) = (reader.element(), is_numeric, &dimensions[..]) else { return };
-    let (rows, width) = if *rows == 1 { (*width, 1) } else { (*rows, *width) };
+    // A line of numbers a quantity is a column, as a column of numbers is.
+    let is_across = width > rows;
+    let (length, count) = if is_across { (*width, *rows) } else { (*rows, *width) };
     let Some(values) = numbers(kind, data, is_big) else { return };
-    if rows == 0 || width == 0 || width > WIDEST || rows.checked_mul(width) != Some(values.len()) {
+    if count == 0 || count > WIDEST || length.checked_mul(count) != Some(values.len()) {
         return;
     }
-    for (i, column) in values.chunks(rows).enumerate() {
-        columns.push((if width == 1 { name.clone() } else { format!("{name}:{}", i + 1) }, column.to_vec()));
+    for i in 0..count {
+        let column = match is_across {
+            true => values.iter().skip(i).step_by(count).copied().collect(),
+            false => values[i * length..(i + 1) * length].to_vec(),
+        };
+        columns.push((if count == 1 { name.clone() } else { format!("{name}:{}", i + 1) }, column));
     }
 }
 

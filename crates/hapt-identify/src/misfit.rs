@@ -71,8 +71,8 @@ pub struct Misfit {
     pub share: f64,
     /// Its kinds, the largest first, and last what no kind explains; together they are the whole.
     pub kinds: Vec<Part>,
-    /// The part that depends on none of position, velocity and time, of the torque's variance. Friction that changes with the position
-    /// counts here too: a hand that moves to and fro may push like that.
+    /// The part that depends on none of position, velocity and time, of the torque's variance: what no kind explains, or more. Friction that
+    /// changes with the position may count here too: a hand that moves to and fro may push like that.
     pub(crate) strange: f64,
 }
 
@@ -152,7 +152,8 @@ pub(crate) fn misfit(
     }
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
     let unexplained = (1.0 - parts.iter().map(|part| part.1).sum::<f64>()).max(0.0);
-    let strange = if other > LEAST && squares > 0.0 { other * plain.share } else { 0.0 };
+    let surely = if other > LEAST { other } else { 0.0 };
+    let strange = if squares > 0.0 { plain.share * surely.max(unexplained) } else { 0.0 };
     if unexplained > 0.0 && squares > 0.0 {
         parts.push((Kind::Unexplained, unexplained));
     }

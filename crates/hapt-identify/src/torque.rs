@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use crate::counts::Lattice;
 use crate::equation::{
-    BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, Errors, FORCE, FRICTION, INERTIA, Mask, SINE, STIFFNESS,
-    Solved, TERMS, TorqueRows,
+    BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, Errors, FEWEST, FORCE, FRICTION, INERTIA, Mask, SINE,
+    STIFFNESS, Solved, TERMS, TorqueRows,
 };
 use crate::identified::Known;
 use crate::interval::Interval;
@@ -29,8 +29,8 @@ const BANDS: [Band; 7] = [
     Band { length: 0.1, slope: true },
     Band { length: 0.15, slope: true },
 ];
-/// The band of the picture and of the misfit.
-const SHOWN: Band = BANDS[1];
+/// The band of the picture and of the misfit. In a record of few samples a second all are longer, so that this one has enough samples.
+const SHOWN: usize = 1;
 /// The number of delays that are tried, and their step in s.
 const DELAYS: usize = 11;
 const DELAY_STEP: f64 = 1e-3;
@@ -271,19 +271,26 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
         let mut models = [spring_terms, plain_terms].into_iter();
         Some(models.find_map(|model| rows.solved(model, duration))?.share)
     };
-    let rows = TorqueRows::new(record, &signs, record.torques(), SHOWN);
+    let longer = (2.0 * FEWEST as f64 * record.period() / BANDS[SHOWN].length).max(1.0);
+    let bands = BANDS.map(|band| Band { length: longer * band.length, ..band });
+    let rows = TorqueRows::new(record, &signs, record.torques(), bands[SHOWN]);
     let weights = rows.weights(record);
     let samples = record.record;
-    let share = |i: usize| {
-        let delay = i as f64 * DELAY_STEP;
-        Some((delay, shown(&rows.under(&weights, &delayed(samples, delay)))?))
+    let late = |delay: f64| rows.under(&weights, &delayed(samples, delay));
+    let best_of = |first: f64, step: f64, count: usize| {
+        let delays = (0..count).into_par_iter().map(|i| first + i as f64 * step).filter(|delay| *delay >= 0.0);
+        let shares: Vec<(f64, f64)> = delays.filter_map(|delay| Some((delay, shown(&late(delay))?))).collect();
+        Some(shares.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?.0)
     };
-    let shares: Vec<(f64, f64)> = (0..DELAYS).into_par_iter().filter_map(share).collect();
-    let (delay, _) = shares.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let delay = best_of(0.0, DELAY_STEP, DELAYS)?;
+    // In a loop a delay is a damping, which therefore is no better known than the delay between two steps.
+    let finer = best_of(delay - 0.75 * DELAY_STEP, 0.25 * DELAY_STEP, 7)?;
+    let damping_at = |delay: f64| Some(late(delay).solved(plain_terms, duration)?.values[DAMPING]);
+    let by_delay = damping_at(finer).zip(damping_at(delay)).map_or(0.0, |(finer, there)| finer - there);
     drop((rows, weights));
     let torques = &delayed(record, delay);
-    let mut bands: Vec<(Band, f64, Vec<Solved>)> = Vec::new();
-    for band in BANDS.into_iter().filter(|band| 4.0 * band.length < duration) {
+    let mut solved_bands: Vec<(Band, f64, Vec<Solved>)> = Vec::new();
+    for band in bands.into_iter().filter(|band| 4.0 * band.length < duration) {
         if !goes_on() {
             return None;
         }
@@ -294,16 +301,16 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
         let solved: Vec<Solved> =
             models.iter().take_while(|_| goes_on()).filter_map(|model| rows.solved(*model, duration)).collect();
         if !solved.is_empty() {
-            bands.push((band, rows.noise_part(), solved));
+            solved_bands.push((band, rows.noise_part(), solved));
         }
     }
     let least = |solved: &[Solved]| solved.iter().map(|model| model.share).fold(f64::INFINITY, f64::min);
     let good = |(_, noise, solved): &(Band, f64, Vec<Solved>)| *noise < NOISY && least(solved) < LEFT;
-    if bands.iter().any(good) {
-        bands.retain(good);
+    if solved_bands.iter().any(good) {
+        solved_bands.retain(good);
     }
     let over = |pick: &dyn Fn(&Solved) -> Option<(f64, f64)>, with_slopes: bool| {
-        let bands = bands.iter().filter(|band| with_slopes || !band.0.slope);
+        let bands = solved_bands.iter().filter(|band| with_slopes || !band.0.slope);
         let means: Vec<(f64, Mean)> = bands
             .filter_map(|(_, _, solved)| {
                 let part = |(weight, model): (f64, &Solved)| {
@@ -327,12 +334,13 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
     let inertia = of(INERTIA, true)?;
     let sign = if inertia.value < 0.0 { -1.0 } else { 1.0 };
     let deviation = inertia.variance.sqrt();
-    let rows = TorqueRows::new(record, &signs, torques, SHOWN).with_errors(errors);
+    let rows = TorqueRows::new(record, &signs, torques, bands[SHOWN]).with_errors(errors);
     let plain = rows.solved(plain_terms, duration)?;
     // Motion of one frequency does not separate an inertia from a spring, nor from a hand.
     let is_apart = rows.solved(spring_terms, duration).is_some();
-    // A sensor's torque separates the device from a spring that it touched.
-    let is_a_law = record.forces().is_none() && rows.solved(LAW, duration).is_some_and(|law| law.share < LAW_LEAVES);
+    // A sensor's torque separates the device from a spring that it touched, where it explains more than the law.
+    let least = if record.forces().is_some() { LAW_LEAVES.min(plain.share) } else { LAW_LEAVES };
+    let is_a_law = rows.solved(LAW, duration).is_some_and(|law| law.share < least);
     let (misfit, beyond_noise) =
         (misfit(record, &signs, &rows, &plain, duration, known.is_linear), rows.unexplained(&plain));
     // The part that depends on none of position, velocity and time, beyond the positions' noise, is another torque.
@@ -355,6 +363,7 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
         let x = of(term, false).map(|mean| interval(mean, sign))?;
         if known.inertia.is_some() { gain.map(|gain| scaled(x, gain)) } else { Some(x) }
     };
+    let more = sign * by_delay * gain.unwrap_or(1.0);
     let motor = gain.zip(found).map(|(gain, x)| Interval {
         value: gain,
         low: gain * x.value / x.high,
@@ -394,7 +403,10 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
             Some(known) => Some(Interval { value: known, low: known, high: known }),
             None => found,
         },
-        damping: torque(DAMPING, sign).filter(|_| is_determined).map(|damping| known.own(positive(damping))),
+        damping: torque(DAMPING, sign)
+            .filter(|_| is_determined)
+            .map(|x| Interval { value: x.value, low: x.low + more.min(0.0), high: x.high + more.max(0.0) })
+            .map(|damping| known.own(positive(damping))),
         friction: torque(FRICTION, sign).filter(|_| is_determined).map(positive),
         // A positive constant torque on the puck is negative in the equation.
         offset: torque(CONSTANT, -sign).filter(|_| is_determined),

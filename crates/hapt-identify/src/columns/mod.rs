@@ -60,6 +60,8 @@ pub struct Read {
     /// Lines without a number in one of the columns that are used, and all lines. Where only the position is missing it is NaN; other lines of
     /// these are left out.
     pub missing: [usize; 2],
+    /// The period of an even clock that was rounded to times of which several samples in a row have the same one; else `None`.
+    pub period: Option<f64>,
 }
 
 /// The factor and the place of a column.
@@ -99,9 +101,10 @@ impl Columns {
     }
 
     /// Times, positions and torques of a table in SI, and whether its puck turns: the header names the columns, with their units after the
-    /// last underscore (`angle_deg`), in parentheses or in brackets. Commas, semicolons or tabs separate fields; where these are not
-    /// commas, numbers may have decimal commas. Lines that begin with # or % are left out, and so is a sample without a time or a
-    /// torque (an empty field, NaN) or that repeats the time before it, up to a tenth of all. A position that is missing is NaN.
+    /// last underscore (`angle_deg`), in parentheses or in brackets. Commas, semicolons, tabs or spaces separate fields; where these are
+    /// not commas, numbers may have decimal commas. Lines that begin with # or % are left out, and so is a sample without a time or a
+    /// torque (an empty field, NaN) or that repeats the time before it, up to a tenth of all. Where more have the same time, and
+    /// differ, the times are those of an even clock that was rounded, if there is one. A position that is missing is NaN.
     ///
     /// # Errors
     /// [`Error::Columns`] with the first line that cannot be read.
@@ -138,11 +141,11 @@ impl Columns {
             Some(_) => Some(sensor(names, self.place(&table, "force", &self.force, &[])?)?),
         };
         let mut rows: [Vec<f64>; 4] = Default::default();
-        let (mut missing, mut repeated, mut all) = (0, 0, 0);
+        let (mut missing, mut all) = (0, 0);
         for (line, number) in table.lines() {
-            let fields: Vec<&str> = line.split(table.separator).collect();
+            let fields: Vec<&str> = table.fields(line).collect();
             // Trailing empty fields are ignored.
-            let filled = fields.iter().rposition(|field| !field.trim().is_empty()).map_or(0, |last| last + 1);
+            let filled = fields.iter().rposition(|field| !field.is_empty()).map_or(0, |last| last + 1);
             if filled > names.len() {
                 return Err(Error::Columns(format!(
                     "line {number} has {filled} fields under {} names; expected as many, and numbers with decimal commas between semicolons or tabs",
@@ -150,7 +153,7 @@ impl Columns {
                 )));
             }
             let value = |scale: Scale| -> Result<Option<f64>, Error> {
-                let field = fields.get(scale.column).copied().unwrap_or_default().trim().trim_matches('"');
+                let field = fields.get(scale.column).copied().unwrap_or_default().trim_matches('"');
                 let shown: String = field.chars().take(40).collect();
                 let name = names[scale.column];
                 let wrong = || Error::Columns(format!("line {number}: {name} is {shown:?}, no finite number"));
@@ -171,17 +174,27 @@ impl Columns {
                 missing += usize::from(at.is_some_and(|at| !at.is_nan()));
                 continue;
             };
-            if rows[0].last() == Some(&t) {
-                repeated += 1;
-                continue;
-            }
             rows[0].push(t);
             rows[1].push(at);
             rows[2].push(self.spring.map_or(torque, |stiffness| torque - stiffness * at));
             rows[3].push(force);
         }
+        let repeated = repeated(&rows);
+        let mut repeats = repeated.iter().filter(|is| **is != Repeated::No).count();
+        let are_rounded = MOST_LEFT_OUT * repeats > all && repeated.contains(&Repeated::Other);
+        let period = if are_rounded { even_clock(&rows[0]) } else { None };
+        if let Some(period) = period {
+            let first = rows[0][0];
+            rows[0].iter_mut().enumerate().for_each(|(i, t)| *t = first + period * i as f64);
+            repeats = 0;
+        } else {
+            for row in &mut rows {
+                let mut repeated = repeated.iter();
+                row.retain(|_| repeated.next() == Some(&Repeated::No));
+            }
+        }
         for (count, what) in
-            [(missing, "have no number in one of the columns that are used"), (repeated, "repeat the time before")]
+            [(missing, "have no number in one of the columns that are used"), (repeats, "repeat the time before")]
         {
             if MOST_LEFT_OUT * count > all {
                 return Err(Error::Columns(format!(
@@ -215,6 +228,7 @@ impl Columns {
             motion,
             back_damping,
             missing: [missing, all],
+            period,
         })
     }
 
@@ -300,6 +314,40 @@ impl Columns {
         let (scale, dimension) = scale(names, place, &[Dimension::ANGLE, Dimension::LENGTH], Some(self.counts))?;
         Ok((scale, if dimension == Dimension::LENGTH { Motion::Linear } else { Motion::Rotary }))
     }
+}
+
+/// Whether a line repeats the time before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Repeated {
+    No,
+    /// With all its numbers: the sample was written twice.
+    Same,
+    /// With other numbers: the time was rounded.
+    Other,
+}
+
+fn repeated([times, rows @ ..]: &[Vec<f64>; 4]) -> Vec<Repeated> {
+    let of = |i: usize| match i.checked_sub(1).filter(|before| times[*before] == times[i]) {
+        None => Repeated::No,
+        Some(before) if rows.iter().all(|row| row[before].to_bits() == row[i].to_bits()) => Repeated::Same,
+        Some(_) => Repeated::Other,
+    };
+    (0..times.len()).map(of).collect()
+}
+
+/// The period of the even clock that gives these times, each of them rounded to no further than the time before or after it.
+fn even_clock(times: &[f64]) -> Option<f64> {
+    let (first, last) = (times.first()?, times.last()?);
+    let period = (last - first) / (times.len() - 1) as f64;
+    let equal: Vec<&[f64]> = times.chunk_by(|a, b| a == b).collect();
+    let place = |k: usize| equal.get(k).map(|equal| equal[0]);
+    let mut clock = (0..times.len()).map(|i| first + period * i as f64);
+    let are_near = equal.iter().enumerate().all(|(k, equal)| {
+        let before = k.checked_sub(1).and_then(place).unwrap_or(f64::NEG_INFINITY);
+        let after = place(k + 1).unwrap_or(f64::INFINITY);
+        clock.by_ref().take(equal.len()).all(|t| before <= t && t <= after)
+    });
+    (period > 0.0 && are_near).then_some(period)
 }
 
 /// At most one line in this many may be left out.

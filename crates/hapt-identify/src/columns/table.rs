@@ -11,7 +11,7 @@ const NAME: usize = 40;
 /// The header, and the lines below it.
 pub(crate) struct Table<'a> {
     pub names: Vec<&'a str>,
-    pub separator: char,
+    separator: char,
     below: Vec<(&'a str, usize)>,
 }
 
@@ -23,8 +23,13 @@ impl<'a> Table<'a> {
             return Err(Error::Columns("the file is empty".into()));
         }
         let (header, _) = below.remove(0);
-        let separator = [',', ';', '\t'].into_iter().max_by_key(|c| header.matches(*c).count()).unwrap_or(',');
-        let names: Vec<&str> = header.split(separator).map(|name| name.trim().trim_matches('"')).collect();
+        let count = |c: &char| header.matches(*c).count();
+        let separator = [',', ';', '\t'].into_iter().filter(|c| count(c) > 0).max_by_key(count);
+        // Spaces separate columns where a line of numbers has as many of them as the header has words.
+        let words = |line: &str| line.split_whitespace().count();
+        let are_columns = words(header) > 1 && below.first().is_some_and(|(line, _)| words(line) == words(header));
+        let separator = separator.unwrap_or(if are_columns { ' ' } else { ',' });
+        let names: Vec<&str> = fields(header, separator).map(|name| name.trim_matches('"')).collect();
         if names.iter().all(|name| name.replace(',', ".").parse::<f64>().is_ok()) {
             return Err(Error::Columns(
                 "the first line is numbers; expected a line of names with units above them, such as time_s,position_rad,torque_Nm".into(),
@@ -34,7 +39,7 @@ impl<'a> Table<'a> {
             && name.split_whitespace().count() > 1
         {
             return Err(Error::Columns(format!(
-                "the first line, {:?}, is one name; expected commas, semicolons or tabs between columns",
+                "the first line, {:?}, is one name; expected commas, semicolons, tabs or spaces between columns",
                 name.chars().take(NAME).collect::<String>()
             )));
         }
@@ -56,6 +61,11 @@ impl<'a> Table<'a> {
         self.below.iter().copied()
     }
 
+    /// The fields of a line, without spaces around them.
+    pub fn fields(&self, line: &'a str) -> impl Iterator<Item = &'a str> {
+        fields(line, self.separator)
+    }
+
     /// A number, with a decimal comma where fields are not separated by commas.
     pub fn number(&self, field: &str) -> Option<f64> {
         match self.separator {
@@ -66,8 +76,7 @@ impl<'a> Table<'a> {
 
     /// The least and the largest number of a column; `None` without any.
     fn range(&self, column: usize) -> Option<(f64, f64)> {
-        let values =
-            self.below.iter().filter_map(|(line, _)| self.number(line.split(self.separator).nth(column)?.trim()));
+        let values = self.below.iter().filter_map(|(line, _)| self.number(self.fields(line).nth(column)?));
         values.filter(|x| x.is_finite()).fold(None, |range, x| match range {
             None => Some((x, x)),
             Some((low, high)) => Some((x.min(low), x.max(high))),
@@ -99,6 +108,12 @@ impl<'a> Table<'a> {
         }
         format!("the columns are {}", all.join(", "))
     }
+}
+
+/// The fields of a line; one that begins or ends with spaces has no more of them for it.
+fn fields(line: &str, separator: char) -> impl Iterator<Item = &str> {
+    let line = if separator == ' ' { line.trim() } else { line };
+    line.split(separator).map(str::trim).filter(move |field| separator != ' ' || !field.is_empty())
 }
 
 /// A number of six digits at most.

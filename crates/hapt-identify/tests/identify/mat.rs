@@ -82,10 +82,11 @@ fn arrays_of_one_length_are_a_table_of_either_byte_order() {
             w.array("k", 6, 1, 1, &w.doubles(&[7.0])),
             w.array("log", 2, 1, 1, &inner.concat()),
             w.array("both", 6, 3, 2, &w.doubles(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])),
+            w.array("rows", 6, 2, 3, &w.doubles(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0])),
         ]);
         assert!(is_mat(&file));
         let table = mat_table(&file).unwrap();
-        let expected = "t_s,log.q_rad,log.u_Nm,both:1,both:2\n0,0.5,3,1,4\n0.1,0.000000001,-4,2,5\n0.25,3,5,3,6\n";
+        let expected = "t_s,log.q_rad,log.u_Nm,both:1,both:2,rows:1,rows:2\n0,0.5,3,1,4,1,4\n0.1,0.000000001,-4,2,5,2,5\n0.25,3,5,3,6,3,6\n";
         assert_eq!(table, expected);
         // However it is cut or changed, it gives an error or a table, and no panic.
         for end in 0..file.len() {

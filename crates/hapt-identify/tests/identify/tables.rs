@@ -69,6 +69,40 @@ fn missing_and_repeated_samples_are_left_out_up_to_a_tenth() {
 }
 
 #[test]
+fn spaces_separate_columns_where_they_separate_numbers() {
+    let read = |text: &str| Columns::default().read(text).unwrap().0;
+    let spaced = read("  t_s   angle_rad tau_Nm\n 0.0  1.5    -2 \n 0.1   1,5     3\n");
+    let tabbed = read("t_s\tangle_rad\ttau_Nm\n0.0\t1.5\t-2\n0.1\t1,5\t3\n");
+    assert_eq!(spaced, tabbed);
+}
+
+/// Samples of an even clock with times in whole milliseconds, or of four digits.
+#[test]
+fn times_that_were_rounded_are_those_of_an_even_clock() {
+    let read = |time: &dyn Fn(f64) -> String, position: &dyn Fn(usize) -> f64| {
+        let row = |k: usize| format!("{},{},{}\n", time(0.43e-3 * k as f64), position(k), k / 50 % 2);
+        let rows: String = (0..3000).map(row).collect();
+        Columns::default().read_all(&format!("t_s,angle_rad,tau_Nm\n{rows}"))
+    };
+    let swings = |k: usize| (0.01 * k as f64).sin();
+    let digits = |t: f64| format!("{:.*}", 3 - t.max(1e-4).log10().floor() as usize, t);
+    let times: [&dyn Fn(f64) -> String; 3] =
+        [&|t| format!("{t:.3}"), &|t| format!("{:.3}", (t * 1e3).floor() / 1e3), &digits];
+    for time in times {
+        let found = read(time, &swings).unwrap();
+        assert_eq!(found.times.len(), 3000);
+        let off = found.times.iter().enumerate().map(|(k, t)| (t - 0.43e-3 * k as f64).abs());
+        assert!(off.fold(0.0, f64::max) < 1.1e-3);
+        assert!((found.period.unwrap() - 0.43e-3).abs() < 1e-6, "{:?}", found.period);
+    }
+    // Lines that were written twice are no samples, and times with a pause are of no even clock.
+    let twice = |t: f64| format!("{:.5}", (t / 0.86e-3 + 0.01).floor() * 0.86e-3);
+    assert!(read(&twice, &|k| (k / 2) as f64).unwrap_err().to_string().contains("repeat the time before"));
+    let pause = |t: f64| format!("{:.3}", if t > 0.6 { t + 0.4 } else { t });
+    assert!(read(&pause, &swings).is_err());
+}
+
+#[test]
 fn what_may_be_meant_is_listed_with_its_range() {
     let text = "t_s,motor_pos_rad,link_pos_rad,applied_Nm,spare_Nm\n0,0,2,1,7\n1,1,3,-1,7\n";
     let error = Columns::default().read(text).unwrap_err().to_string();
@@ -129,8 +163,8 @@ fn a_line_of_more_fields_than_names_is_refused_with_its_number() {
 fn a_table_without_names_or_separators_says_which_are_expected() {
     let read = |text: &str| Columns::default().read(text).unwrap_err().to_string();
     assert!(read("0,1,2\n1,2,3\n").contains("the first line is numbers"), "{}", read("0,1,2\n1,2,3\n"));
-    let error = read("t_s angle_rad tau_Nm\n0 1 2\n");
-    assert!(error.contains("semicolons or tabs between columns"), "{error}");
+    let error = read("t (s) angle (rad) tau (Nm)\n0 1 2\n");
+    assert!(error.contains("tabs or spaces between columns"), "{error}");
     let error = read("t_s,master_rad,slave_rad,tau_Nm\n0,1,2,1\n1,2,3,-1\n");
     assert!(error.contains("by their units 2 columns may be the position"), "{error}");
 }

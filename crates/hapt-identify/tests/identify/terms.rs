@@ -87,6 +87,58 @@ fn a_hand_that_a_sensor_measures_hides_nothing_and_its_scale_is_told() {
     );
 }
 
+/// A hand that moves slowly on a virtual spring shows the spring, whatever the sensor measures.
+#[test]
+fn the_law_of_a_loop_beside_a_sensor_is_no_device() {
+    for seed in hapt_testing::seeds(96) {
+        let mut rng = Rng::with_seed(seed);
+        let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
+        let inertia = between(0.5e-3, 3e-3);
+        let rig = DeviceSpec { damping: between(2e-3, 8e-3), friction: 0.02, ..DeviceSpec::new(1e-3, inertia) };
+        let (stiffness, hand) = (between(0.05, 0.3), between(0.3, 0.8));
+        let waves: Vec<[f64; 3]> = (0..4).map(|_| [between(0.2, 2.0), between(0.0, TAU), between(0.1, 0.3)]).collect();
+        let mut device = VirtualDevice::new(&rig);
+        let (mut seen, mut torques, mut forces) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut before, mut speed) = (0.0, 0.0);
+        for t in times(&rig, 2250) {
+            let (z, v) = device.puck();
+            speed += 0.2 * ((z - before) / 1e-3 - speed);
+            before = z;
+            let target: f64 = waves.iter().map(|[hz, phase, size]| size * (TAU * hz * t + phase).sin()).sum();
+            let (motor, push) = (-stiffness * z - 1e-3 * speed, hand * (target - z) - 2e-3 * v);
+            (seen.push(z), torques.push(motor), forces.push(SCALE * push));
+            device.command(motor + push);
+            device.travel();
+        }
+        let largest = forces.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        forces.iter_mut().for_each(|force| *force += 4e-3 * largest * (rng.f64() - 0.5));
+        let seen = counted(&seen, 20_000.0, 0.3, &mut rng);
+        let found = fit(&Record::new(times(&rig, 2250), seen, torques).unwrap().with_force(forces).unwrap());
+        assert!(found.inertia.is_none_or(|x| x.covers(inertia)), "seed {seed}: {:?}, {inertia}", found.inertia);
+    }
+}
+
+/// A record of 50 or 100 samples a second shows slow motions only, and these as well as any.
+#[test]
+fn a_slow_record_tells_what_a_fast_one_tells() {
+    let (mut determined, mut held) = (0, 0);
+    for seed in hapt_testing::seeds(8) {
+        let mut rng = Rng::with_seed(seed);
+        let lever = Lever { delay: 0.0, loop_stiffness: 1.0, ..plain(&mut rng) };
+        let fast = lever.record(10.0, &mut rng);
+        for every in [20, 40] {
+            let [times, positions, torques] =
+                [fast.times(), fast.positions(), fast.torques()].map(|x| x.iter().copied().step_by(every).collect());
+            let slow = fit(&Record::new(times, positions, torques).unwrap());
+            assert!(slow.misfit.share < 0.6 && slow.best.inertia > 0.0, "seed {seed}: {:?}", slow.misfit);
+            assert!(slow.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}");
+            determined += i32::from(slow.inertia.is_some());
+            held += i32::from(slow.inertia.is_some_and(|inertia| inertia.covers(lever.inertia)));
+        }
+    }
+    assert!(determined > 0 && 10 * held >= 9 * determined - 10, "{held} of {determined}");
+}
+
 /// Other torques on the puck make the torque's inertia too small and the motion's too large, where the torque does not respond to the puck.
 #[test]
 fn in_an_open_loop_the_true_inertia_lies_between_the_torques_and_the_motions() {

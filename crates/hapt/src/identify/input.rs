@@ -123,6 +123,13 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Fail
             "note: {missing} of {all} lines have no number in a column that is used; where only the position is missing, the torque acts"
         ));
     }
+    if let Some(period) = table.period {
+        messages::say(format_args!(
+            "note: more than a tenth of the lines repeat the time before with other numbers, so the times are rounded; those of an even clock \
+             are used, {} apart",
+            format::time(period)
+        ));
+    }
     spring(table.motion).transpose()?;
     Ok(table)
 }
