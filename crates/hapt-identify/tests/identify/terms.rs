@@ -106,7 +106,9 @@ fn the_law_of_a_loop_beside_a_sensor_is_no_device() {
             before = z;
             let target: f64 = waves.iter().map(|[hz, phase, size]| size * (TAU * hz * t + phase).sin()).sum();
             let (motor, push) = (-stiffness * z - 1e-3 * speed, hand * (target - z) - 2e-3 * v);
-            (seen.push(z), torques.push(motor), forces.push(SCALE * push));
+            seen.push(z);
+            torques.push(motor);
+            forces.push(SCALE * push);
             device.command(motor + push);
             device.travel();
         }
