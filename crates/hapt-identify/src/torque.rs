@@ -29,8 +29,8 @@ const BANDS: [Band; 7] = [
     Band { length: 0.1, slope: true },
     Band { length: 0.15, slope: true },
 ];
-/// The band of the picture and of the misfit. In a record of few samples a second all are longer, so that this one has enough samples.
-const SHOWN: usize = 1;
+/// The bands of the picture and of the misfit: the first whose windows have enough samples.
+const SHOWN: [Band; 3] = [BANDS[1], BANDS[2], BANDS[3]];
 /// The number of delays that are tried, and their step in s.
 const DELAYS: usize = 11;
 const DELAY_STEP: f64 = 1e-3;
@@ -271,9 +271,9 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
         let mut models = [spring_terms, plain_terms].into_iter();
         Some(models.find_map(|model| rows.solved(model, duration))?.share)
     };
-    let longer = (2.0 * FEWEST as f64 * record.period() / BANDS[SHOWN].length).max(1.0);
-    let bands = BANDS.map(|band| Band { length: longer * band.length, ..band });
-    let rows = TorqueRows::new(record, &signs, record.torques(), bands[SHOWN]);
+    let has_enough = |band: &Band| (0.5 * band.length / record.period()).round() as usize >= FEWEST;
+    let band_shown = SHOWN.into_iter().find(has_enough)?;
+    let rows = TorqueRows::new(record, &signs, record.torques(), band_shown);
     let weights = rows.weights(record);
     let samples = record.record;
     let late = |delay: f64| rows.under(&weights, &delayed(samples, delay));
@@ -290,7 +290,7 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
     drop((rows, weights));
     let torques = &delayed(record, delay);
     let mut solved_bands: Vec<(Band, f64, Vec<Solved>)> = Vec::new();
-    for band in bands.into_iter().filter(|band| 4.0 * band.length < duration) {
+    for band in BANDS.into_iter().filter(|band| 4.0 * band.length < duration) {
         if !goes_on() {
             return None;
         }
@@ -334,7 +334,7 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
     let inertia = of(INERTIA, true)?;
     let sign = if inertia.value < 0.0 { -1.0 } else { 1.0 };
     let deviation = inertia.variance.sqrt();
-    let rows = TorqueRows::new(record, &signs, torques, bands[SHOWN]).with_errors(errors);
+    let rows = TorqueRows::new(record, &signs, torques, band_shown).with_errors(errors);
     let plain = rows.solved(plain_terms, duration)?;
     // Motion of one frequency does not separate an inertia from a spring, nor from a hand.
     let is_apart = rows.solved(spring_terms, duration).is_some();

@@ -182,9 +182,8 @@ impl Columns {
         let repeated = repeated(&rows);
         let mut repeats = repeated.iter().filter(|is| **is != Repeated::No).count();
         let are_rounded = MOST_LEFT_OUT * repeats > all && repeated.contains(&Repeated::Other);
-        let period = if are_rounded { even_clock(&rows[0]) } else { None };
-        if let Some(period) = period {
-            let first = rows[0][0];
+        let clock = if are_rounded { even_clock(&rows[0]) } else { None };
+        if let Some([first, period]) = clock {
             rows[0].iter_mut().enumerate().for_each(|(i, t)| *t = first + period * i as f64);
             repeats = 0;
         } else {
@@ -228,7 +227,7 @@ impl Columns {
             motion,
             back_damping,
             missing: [missing, all],
-            period,
+            period: clock.map(|[_, period]| period),
         })
     }
 
@@ -335,10 +334,13 @@ fn repeated([times, rows @ ..]: &[Vec<f64>; 4]) -> Vec<Repeated> {
     (0..times.len()).map(of).collect()
 }
 
-/// The period of the even clock that gives these times, each of them rounded to no further than the time before or after it.
-fn even_clock(times: &[f64]) -> Option<f64> {
-    let (first, last) = (times.first()?, times.last()?);
-    let period = (last - first) / (times.len() - 1) as f64;
+/// The first time and the period of the even clock that gives these times, each of them rounded to no further than the time before or after
+/// it. Least squares give it: the last time less the first one has the errors of both. `None` for few different times too.
+fn even_clock(times: &[f64]) -> Option<[f64; 2]> {
+    let (middle, mean) = (0.5 * (times.len() as f64 - 1.0), times.iter().sum::<f64>() / times.len() as f64);
+    let all = || times.iter().enumerate().map(|(i, t)| (i as f64 - middle, t - mean));
+    let period = all().map(|(i, t)| i * t).sum::<f64>() / all().map(|(i, _)| i * i).sum::<f64>();
+    let first = mean - period * middle;
     let equal: Vec<&[f64]> = times.chunk_by(|a, b| a == b).collect();
     let place = |k: usize| equal.get(k).map(|equal| equal[0]);
     let mut clock = (0..times.len()).map(|i| first + period * i as f64);
@@ -347,9 +349,11 @@ fn even_clock(times: &[f64]) -> Option<f64> {
         let after = place(k + 1).unwrap_or(f64::INFINITY);
         clock.by_ref().take(equal.len()).all(|t| before <= t && t <= after)
     });
-    (period > 0.0 && are_near).then_some(period)
+    (equal.len() >= FEWEST_TIMES && period > 0.0 && are_near).then_some([first, period])
 }
 
+/// Fewer different times do not give an even clock to a thousandth.
+const FEWEST_TIMES: usize = 200;
 /// At most one line in this many may be left out.
 const MOST_LEFT_OUT: usize = 10;
 

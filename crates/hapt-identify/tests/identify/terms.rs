@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use fastrand::Rng;
-use hapt_identify::{Known, Record, Term, TermKind, TorqueFit, fit_torque};
+use hapt_identify::{Kind, Known, Part, Record, Term, TermKind, TorqueFit, fit_torque};
 use hapt_model::Waveform;
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::{DeviceSpec, DeviceTorque, FrictionByPosition, Gravity};
@@ -120,25 +120,19 @@ fn the_law_of_a_loop_beside_a_sensor_is_no_device() {
     }
 }
 
-/// A record of 50 or 100 samples a second shows slow motions only, and these as well as any.
+/// A record of 100 samples a second has fewer bands, and what the equation leaves of them is no more.
 #[test]
-fn a_slow_record_tells_what_a_fast_one_tells() {
-    let (mut determined, mut held) = (0, 0);
+fn a_slow_record_has_a_misfit_of_its_own() {
     for seed in hapt_testing::seeds(8) {
         let mut rng = Rng::with_seed(seed);
         let lever = Lever { delay: 0.0, loop_stiffness: 1.0, ..plain(&mut rng) };
         let fast = lever.record(10.0, &mut rng);
-        for every in [20, 40] {
-            let [times, positions, torques] =
-                [fast.times(), fast.positions(), fast.torques()].map(|x| x.iter().copied().step_by(every).collect());
-            let slow = fit(&Record::new(times, positions, torques).unwrap());
-            assert!(slow.misfit.share < 0.6 && slow.best.inertia > 0.0, "seed {seed}: {:?}", slow.misfit);
-            assert!(slow.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}");
-            determined += i32::from(slow.inertia.is_some());
-            held += i32::from(slow.inertia.is_some_and(|inertia| inertia.covers(lever.inertia)));
-        }
+        let [times, positions, torques] =
+            [fast.times(), fast.positions(), fast.torques()].map(|x| x.iter().copied().step_by(20).collect());
+        let slow = fit(&Record::new(times, positions, torques).unwrap());
+        assert!(slow.misfit.share < 0.6 && slow.best.inertia > 0.0, "seed {seed}: {:?}", slow.misfit);
+        assert!(slow.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}");
     }
-    assert!(determined > 0 && 10 * held >= 9 * determined - 10, "{held} of {determined}");
 }
 
 /// Other torques on the puck make the torque's inertia too small and the motion's too large, where the torque does not respond to the puck.
@@ -164,7 +158,8 @@ fn forces_that_are_no_record_of_one_are_refused() {
     }
 }
 
-/// A hand on the lever that is not measured: an inertia that is given all the same is mostly right, and no sign is wrong.
+/// A hand on the lever that is not measured: an inertia that is given all the same is mostly right, and no sign is wrong. None is given where
+/// more than a twentieth of the torque goes with nothing.
 #[test]
 fn a_hand_that_nothing_measures_gives_no_wrong_sign() {
     let (mut determined, mut held) = (0, 0);
@@ -176,10 +171,27 @@ fn a_hand_that_nothing_measures_gives_no_wrong_sign() {
         let found = fit(&Record::new(times, positions, torques).unwrap());
         assert!(found.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}: {lever:?}");
         let Some(inertia) = found.inertia else { continue };
+        let is_strange = |part: &Part| part.kind == Kind::Unexplained && part.share > 0.05;
+        assert!(!found.misfit.kinds.iter().any(is_strange), "seed {seed}: {:?}", found.misfit);
         determined += 1;
         held += i32::from(inertia.covers(lever.inertia));
     }
     assert!(10 * held >= 9 * determined - 10, "{held} of {determined}");
+}
+
+/// In a loop a delay is a damping: the interval allows for a delay between those that are tried.
+#[test]
+fn the_damping_of_a_loop_holds_whatever_its_delay() {
+    let (mut determined, mut held) = (0, 0);
+    for seed in hapt_testing::seeds(32) {
+        let mut rng = Rng::with_seed(seed);
+        let (delay, loop_stiffness) = (2e-3 * rng.f64(), 3.0 + 4.0 * rng.f64());
+        let lever = Lever { delay, loop_stiffness, ..plain(&mut rng) };
+        let Some(damping) = fit(&lever.record(4.0, &mut rng)).damping else { continue };
+        determined += 1;
+        held += i32::from(damping.covers(lever.damping));
+    }
+    assert!(determined > 0 && 10 * held >= 9 * determined - 10, "{held} of {determined}");
 }
 
 /// A motor on a voltage u gives k/R (u - k ω): with k/R u as the torque, the damping that is found is the device's own.
