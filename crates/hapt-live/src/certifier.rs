@@ -182,12 +182,14 @@ pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage 
     };
     let decided = |certified: bool, refuted: bool| (certified || refuted).then_some(certified);
     let sentence = |what, ok, text| Sentence { what, ok, text };
+    // Friction, which `free` leaves out, takes what makes it grow.
+    let is_undecided = check.free.verdict == Verdict::Unstable && !check.grows_free;
     let passive = &check.passivity;
     message.certified = check.certified.holds();
     message.sentence = check.headline();
     message.sentences = vec![
         sentence("held", ok(check.held.verdict), check.sentence()),
-        sentence("free", ok(check.free.verdict), check.free_sentence()),
+        sentence("free", if is_undecided { None } else { ok(check.free.verdict) }, check.free_sentence()),
         sentence("passive", decided(passive.is_certified(), passive.is_refuted), check.passivity_sentence()),
     ];
     if let Some(text) = check.uneven_sentence() {

@@ -17,7 +17,7 @@ use crate::stability::free::{free, free_at_this_period, shortest_period};
 use crate::stability::{Stability, Verdict};
 use crate::text::{short, time, with_unit};
 use crate::theorems::assumptions::laws_cost;
-use crate::theorems::stable::{free_claim, held_claim};
+use crate::theorems::stable::{free_claim, grows, held_claim};
 use crate::theorems::{Claimed, Passivity, PatternVerdict, Theorem, Uneven, passivity, uneven};
 
 /// The result of `check`. It serialises to the mapping that `hapt check --json` prints.
@@ -49,6 +49,9 @@ pub struct Check {
     pub theorems: Vec<TheoremUse>,
     /// Conditions that apply to the numbers.
     pub notes: Vec<String>,
+    /// Whether the hands-off loop grows by more than torques that the device's friction takes.
+    #[serde(skip)]
+    pub grows_free: bool,
     /// How the puck leaves a place where gravity or cogging pushes it away.
     #[serde(skip)]
     pub(crate) fall: Option<Fall>,
@@ -139,7 +142,8 @@ fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Che
     let free_claim = free_claim(world, &free, &passive, rests_on_friction);
     let certified = held_claim.and(&free_claim).and(&passive);
     let is_broken = uneven.free.verdict() == PatternVerdict::Broken && !rests_on_friction;
-    let is_refuted = !is_stable(&held) || !is_stable(&free) || passivity.is_refuted || uneven.is_refuted || is_broken;
+    let grows_free = grows(world, &free)?;
+    let is_refuted = !is_stable(&held) || grows_free || passivity.is_refuted || uneven.is_refuted || is_broken;
     let status = match (certified.holds(), is_refuted) {
         (true, _) => Status::Certified,
         (false, true) => Status::Refuted,
@@ -159,6 +163,7 @@ fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Che
         quantisation: quantisation(world)?,
         remedies: None,
         notes: notes(world, fall)?,
+        grows_free,
         fall,
         motion: world.motion,
         bodies_every: sampling.bodies_every,
@@ -404,8 +409,8 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
         }
         (Kind::Integral, _) if laws::integral_gain(&c.law) > 0.0 => Some(format!(
             "couplings.{index}: an integral term gives energy to a hand that moves slowly to and fro, whatever the damping is, but a limit within \
-             the device's friction, which takes as much. Hands-off it is decided by the eigenvalues, where it has no limit; held away from its rest \
-             its torque grows, which held leaves out"
+             the device's friction, which takes as much. Hands-off the eigenvalues decide beyond such a limit, which they leave out; held away from \
+             its rest its torque grows, which held leaves out"
         )),
         (Kind::Assist, torque) if torque > 0.0 => Some(format!(
             "couplings.{index}: an assist pushes along with the hand, and is passive where the device's friction takes as much; free leaves out both"

@@ -44,7 +44,7 @@ impl Check {
         let is_certified = self.certified.holds();
         let under_all = self.uneven.free.verdict();
         if self.uneven.is_stated && !is_certified && under_all != PatternVerdict::Proved {
-            let grows = under_all == PatternVerdict::Broken || self.free.verdict == Verdict::Unstable;
+            let grows = under_all == PatternVerdict::Broken || self.grows_free;
             return if grows { "not safe to let go" } else { "not proved safe to let go" };
         }
         // Whether only friction keeps it from growing, at even or at uneven samples.
@@ -53,10 +53,10 @@ impl Check {
             (_, true) if by_friction => "safe to let go, as long as its speed is kept",
             (Verdict::Unstable, true) if self.kept_speed().is_none() => "safe to let go, on the device's friction",
             (Verdict::Unstable, true) => "safe to let go, as long as its speed is kept",
-            (Verdict::Unstable, false) => "not safe to let go",
+            (Verdict::Unstable, false) if self.grows_free => "not safe to let go",
             (Verdict::Marginal, true) => "safe to let go, though it may never come to rest",
             (Verdict::Stable, true) => "safe to let go",
-            (Verdict::Marginal | Verdict::Stable, false) => "not proved safe to let go",
+            (_, false) => "not proved safe to let go",
         }
     }
 
@@ -146,7 +146,7 @@ impl Check {
                 "; the device's friction brings it to rest below {}",
                 with_unit(speed, Measure::Velocity, self.motion)
             ),
-            None if self.passivity.is_within_friction && free.verdict == Verdict::Unstable && self.claims("free") => {
+            None if free.verdict == Verdict::Unstable && !self.grows_free => {
                 "; the device's friction takes what makes it grow".into()
             }
             None => String::new(),

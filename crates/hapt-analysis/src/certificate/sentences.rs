@@ -44,7 +44,7 @@ impl Check {
         let reasons = [
             (self.held.verdict == Verdict::Unstable && !self.has_handle, "it is unstable with the puck held"),
             (self.held.verdict == Verdict::Unstable && self.has_handle, "it is unstable with the handle held"),
-            (self.free.verdict == Verdict::Unstable, "it is unstable hands-off"),
+            (self.grows_free, "it is unstable hands-off"),
             (is_lacking, "the linear loop is not passive"),
             (!is_lacking && !self.passivity.is_certified(), "no theorem says that it is passive"),
             (
@@ -147,6 +147,9 @@ impl Check {
                 "{sentence}; with the friction of the device it comes to rest as long as nothing pushes it faster than {}",
                 with_unit(speed, Measure::Velocity, self.motion)
             ),
+            None if self.free.verdict == Verdict::Unstable && !self.grows_free => {
+                format!("{sentence}; the device's friction, which this leaves out, takes what makes it grow")
+            }
             None => sentence,
         }
     }

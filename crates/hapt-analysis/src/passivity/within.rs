@@ -46,3 +46,15 @@ pub(crate) fn beyond_friction(world: &World) -> Cow<'_, World> {
     }
     Cow::Owned(rest)
 }
+
+/// The part of a world that decides whether it grows hands-off, where the friction of every device within its tolerances takes torques of the
+/// world; `None` where it takes none. They keep no large motion going, and eigenvalues, which have no friction, say nothing about
+/// small ones.
+pub(crate) fn beyond_least_friction(world: &World) -> Option<World> {
+    let mut least = world.clone();
+    least.device.set_friction(world.device.friction_range()[0]);
+    match beyond_friction(&least) {
+        Cow::Owned(rest) => Some(rest),
+        Cow::Borrowed(_) => None,
+    }
+}

@@ -11,6 +11,7 @@ use crate::equations::continuous::settled;
 use crate::equations::laws::{self, is_nonlinear};
 use crate::error::Error;
 use crate::passivity::timing::Timing;
+use crate::passivity::within::beyond_least_friction;
 use crate::stability::MARGINAL;
 use crate::stability::Verdict;
 use crate::stability::free::free_growth;
@@ -101,6 +102,15 @@ impl FreePatterns {
     /// # Errors
     /// As [`crate::free`].
     pub(super) fn of(world: &World) -> Result<FreePatterns, Error> {
+        if let Some(rest) = beyond_least_friction(world) {
+            let found = FreePatterns::of(&rest)?;
+            let is_broken = found.verdict == PatternVerdict::Broken;
+            return Ok(if is_broken {
+                found
+            } else {
+                FreePatterns::open("torques that the device's friction takes are covered by a proof of passivity only")
+            });
+        }
         let (sampling, timing) = (&world.sampling, Timing::of(world));
         let tolerances = &world.device.tolerances;
         if [tolerances.inertia, tolerances.damping, tolerances.lag] != [0.0; 3] {

@@ -4,6 +4,9 @@ use hapt_model::World;
 
 use crate::equations::discrete::keeps_energy;
 use crate::equations::laws::{self, is_nonlinear};
+use crate::error::Error;
+use crate::passivity::within::beyond_least_friction;
+use crate::stability::free::free_growth;
 use crate::stability::{Stability, Verdict};
 use crate::theorems::assumptions::{changes_window, may_saturate};
 use crate::theorems::{Claimed, FREE_LINEAR, FREE_PASSIVE, HELD_ENERGY, HELD_LINEAR};
@@ -47,6 +50,18 @@ pub(crate) fn held_claim(world: &World, held: &Stability, passive: &Claimed) -> 
     }
     let theorem = if has_nonlinear_bodies(world) { &HELD_ENERGY } else { &HELD_LINEAR };
     Claimed::by(&[theorem]).when(is_stable && is_held_covered(world))
+}
+
+/// Whether the hands-off loop, found to be `free`, grows: by its eigenvalues, without the torques that the device's friction takes.
+///
+/// # Errors
+/// As [`crate::free`].
+pub(crate) fn grows(world: &World, free: &Stability) -> Result<bool, Error> {
+    if free.verdict != Verdict::Unstable {
+        return Ok(false);
+    }
+    let Some(rest) = beyond_least_friction(world) else { return Ok(true) };
+    Ok(Verdict::of(free_growth(&rest)?) == Verdict::Unstable)
 }
 
 /// The claim that the hands-off loop, found to be `free`, does not grow; `passive` is the claim of passivity, `by_friction` whether it rests on

@@ -312,3 +312,30 @@ proptest! {
         prop_assert!(drawn(&world, steady) > 0.0);
     }
 }
+
+proptest! {
+    /// Torques that friction takes keep no large motion going: a world has the status of its rest on the friction that they leave, also where
+    /// eigenvalues, which have no friction, grow.
+    #[test]
+    fn torques_within_friction_change_no_status(
+        (gain, limit, spare) in (0.1..100.0_f64, 1e-3..0.5_f64, 0.0..0.5_f64), (k, b) in (1e-2..1e3_f64, 0.0..1e-2_f64),
+        at in 0usize..4, uneven in any::<bool>()
+    ) {
+        let laws = vec![
+            Law::Wall { side: Side::Above, at: 0.05, stiffness: k, damping: b }.between(End::Puck, End::Ground),
+            integral(gain, 0.01, limit, false),
+        ];
+        let mut world = Bench::of(laws).world(Method::Zoh, Output::End, 1e-3);
+        world.sampling.estimator =
+            [EstimatorKind::LowPass, EstimatorKind::Difference, EstimatorKind::Foaw, EstimatorKind::LowPass][at];
+        world.sampling.cutoff = (at == 0).then_some(50.0);
+        world.sampling.interval_max = uneven.then_some(1.5e-3);
+        (world.device.inertia, world.device.damping, world.device.friction) = (1e-3, 0.01, limit + spare);
+        let mut rest = world.clone();
+        rest.couplings.remove(1);
+        rest.device.friction = world.device.friction - limit;
+        let (whole, alone) = (check(&world).unwrap(), check(&rest).unwrap());
+        prop_assert_eq!(whole.status, alone.status, "{}\n{}", whole.headline(), alone.headline());
+        prop_assert_eq!(whole.headline().contains("not safe to let go"), alone.headline().contains("not safe to let go"));
+    }
+}
