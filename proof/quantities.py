@@ -154,11 +154,11 @@ def plain_decimal(text):
 # Name: the powers of rad, m, kg and s, a rational factor and a power of pi.
 POUND = Fraction(45359237 * 980665, 10**13)
 UNITS = {
-    "rad": (1, 0, 0, 0, 1, 0), "deg": (1, 0, 0, 0, Fraction(1, 180), 1), "°": (1, 0, 0, 0, Fraction(1, 180), 1),
+    "rad": (1, 0, 0, 0, 1, 0), "mrad": (1, 0, 0, 0, Fraction(1, 1000), 0), "deg": (1, 0, 0, 0, Fraction(1, 180), 1), "°": (1, 0, 0, 0, Fraction(1, 180), 1),
     "rev": (1, 0, 0, 0, 2, 1), "rpm": (1, 0, 0, -1, Fraction(1, 30), 1),
     "m": (0, 1, 0, 0, 1, 0), "cm": (0, 1, 0, 0, Fraction(1, 100), 0), "mm": (0, 1, 0, 0, Fraction(1, 1000), 0),
     "um": (0, 1, 0, 0, Fraction(1, 10**6), 0), "s": (0, 0, 0, 1, 1, 0), "ms": (0, 0, 0, 1, Fraction(1, 1000), 0),
-    "us": (0, 0, 0, 1, Fraction(1, 10**6), 0), "Hz": (0, 0, 0, -1, 1, 0), "kHz": (0, 0, 0, -1, 1000, 0),
+    "us": (0, 0, 0, 1, Fraction(1, 10**6), 0), "ns": (0, 0, 0, 1, Fraction(1, 10**9), 0), "Hz": (0, 0, 0, -1, 1, 0), "kHz": (0, 0, 0, -1, 1000, 0),
     "N": (0, 1, 1, -2, 1, 0), "mN": (0, 1, 1, -2, Fraction(1, 1000), 0), "kg": (0, 0, 1, 0, 1, 0),
     "g": (0, 0, 1, 0, Fraction(1, 1000), 0), "J": (0, 2, 1, -2, 1, 0), "Nm": (0, 2, 1, -2, 1, 0),
     "Ncm": (0, 2, 1, -2, Fraction(1, 100), 0), "Nmm": (0, 2, 1, -2, Fraction(1, 1000), 0),
@@ -237,6 +237,7 @@ def product(tokens, at, depth):
 # Dimensions by name, in rad, m, kg and s: those of a rotary world and of a linear one.
 TIME, FREQUENCY = ((0, 0, 0, 1),) * 2, ((0, 0, 0, -1),) * 2
 POSITION, VELOCITY = ((1, 0, 0, 0), (0, 1, 0, 0)), ((1, 0, 0, -1), (0, 1, 0, -1))
+ACCELERATION = ((1, 0, 0, -2), (0, 1, 0, -2))
 INERTIA, TORQUE = ((0, 2, 1, 0), (0, 0, 1, 0)), ((0, 2, 1, -2), (0, 1, 1, -2))
 STIFFNESS, DAMPING = ((-1, 2, 1, -2), (0, 0, 1, -2)), ((-1, 2, 1, -1), (0, 0, 1, -1))
 PER_ANGLE = (-1, 2, 1, 0)

@@ -7,6 +7,7 @@ import tomllib
 from fractions import Fraction
 
 from quantities import (
+    ACCELERATION,
     DAMPING,
     E,
     FREQUENCY,
@@ -114,7 +115,7 @@ class Table:
 
 METHODS = ("forward-euler", "backward-euler", "semi-implicit-euler", "trapezoidal", "zoh", "rk4", "tustin", "foh")
 ENERGY_METHODS = ("zoh", "trapezoidal", "backward-euler")
-ESTIMATORS = ("exact", "difference", "low-pass", "foaw", "foaw-best")
+ESTIMATORS = ("exact", "difference", "low-pass", "foaw", "foaw-best", "kalman", "levant")
 BODY = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
@@ -302,8 +303,12 @@ class World:
             raise Refused("loop.delay is more than a million periods")
         self.estimator = table.name_of("estimator", ESTIMATORS, "exact")
         self.cutoff = table.number("cutoff", FREQUENCY, positive=True) if "cutoff" in table.left else None
-        if self.cutoff is None and self.estimator == "low-pass":
+        if self.cutoff is None and self.estimator in ("low-pass", "kalman"):
             raise Refused("loop.cutoff is missing")
+        if "acceleration" in table.left:
+            table.number("acceleration", ACCELERATION, positive=True)
+        elif self.estimator == "levant":
+            raise Refused("loop.acceleration is missing")
         self.every = table.whole("every", 1, 1, 256)
         self.filter = table.number("filter", FREQUENCY, positive=True) if "filter" in table.left else None
         table.whole("window", 16, 1, 256)

@@ -198,7 +198,7 @@ impl Engine {
 }
 
 /// The response of the linear part of a loop without its device, at rest, to a puck at `motion`: the outputs' derivatives in that
-/// direction. Encoder, levels, limits and nonlinear couplings are left out; FOAW has its shortest window. Where the bodies step at every
+/// direction. Encoder, levels, limits and nonlinear couplings are left out; FOAW has its shortest window, and levant is the difference. Where the bodies step at every
 /// n-th sample, it is one at which they do not step.
 ///
 /// # Errors
@@ -208,11 +208,12 @@ pub fn linear_response(world: &World, motion: [f64; 2]) -> Result<Row, Error> {
     let bodies: Vec<Body> = world.bodies.iter().map(rest).collect();
     let couplings: Vec<Coupling> = world.couplings.iter().filter_map(linear).collect();
     let estimator = match world.sampling.velocity_estimator() {
-        Estimator::Foaw { .. } | Estimator::FoawBest { .. } => Estimator::Difference,
+        Estimator::Foaw { .. } | Estimator::FoawBest { .. } | Estimator::Levant { .. } => Estimator::Difference,
         linear @ (Estimator::Exact
         | Estimator::Difference
         | Estimator::DifferenceOver { .. }
-        | Estimator::LowPass { .. }) => linear,
+        | Estimator::LowPass { .. }
+        | Estimator::Kalman { .. }) => linear,
     };
     let spec = Spec {
         estimator,

@@ -216,7 +216,7 @@ fn role(kind: Kind, row: &Key, path: &str) -> Option<Role> {
     let only_whole = |role| (kind == Kind::Whole).then_some(role);
     match names[..] {
         ["loop", "delay"] => only_whole(Role::Fixed),
-        ["loop", "cutoff" | "every" | "filter" | "window"] => Some(Role::Tunable),
+        ["loop", "acceleration" | "cutoff" | "every" | "filter" | "window"] => Some(Role::Tunable),
         ["loop", _] => Some(Role::Fixed),
         ["device", "inertia" | "damping" | "friction" | "friction_backward"] => only_whole(Role::Tunable),
         ["device", "friction_by_position" | "handle" | "stribeck" | "stops", _] => only_whole(Role::Tunable),

@@ -125,12 +125,14 @@ pub fn run(bytes: &[u8]) -> u64 {
             255 => bits.word() as u32,
             few => 1 + u32::from(few % 4),
         },
-        estimator: match bits.below(6) {
+        estimator: match bits.below(8) {
             0 => Estimator::Exact,
             1 => Estimator::Difference,
             2 => Estimator::LowPass { cutoff: bits.number() },
             3 => Estimator::Foaw { window: u32::from(bits.byte()) },
             4 => Estimator::FoawBest { window: u32::from(bits.byte()) },
+            5 => Estimator::Kalman { cutoff: bits.number() },
+            6 => Estimator::Levant { acceleration: bits.number() },
             _ => Estimator::DifferenceOver { every: u32::from(bits.byte()) },
         },
         filter: bits.maybe(),

@@ -44,7 +44,7 @@ def state_spaces(world: World) -> StateSpaces:
     names = {"inputs": ["torque"], "outputs": ["position", "velocity"], "name": "device"}
     continuous = control.ss(ad, bd[:, :1], cd, dd[:, :1], **names)
     # FOAW has a filter for each length of its window; this is the longest.
-    estimator = _filtered(_estimator(parts["estimators"][-1]), parts["filter"])
+    estimator = _filtered(_estimator(parts["estimators"][-1], period), parts["filter"])
     names = {"inputs": ["hand_torque"], "outputs": ["position", "velocity"], "name": "loop"}
     closed = _closed((a, b, c, d), estimator, _sampled(ad, bd, period, float(parts["delay"])))
     return StateSpaces(discrete, continuous, control.ss(*closed, period, **names))
@@ -59,8 +59,15 @@ def _matrices(part: dict[str, Any]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     return a, b, np.array(part["c"], dtype=float).reshape(outputs, order), d
 
 
-def _estimator(part: dict[str, Any]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """The filter from (z_k, ż_k) to (z_k, v_k): v_k = pole v_{k-1} + Σ taps_i z_{k-i}. Its state is v_{k-1} and the earlier positions."""
+def _estimator(part: dict[str, Any], period: float) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """The filter from (z_k, ż_k) to (z_k, v_k): v_k = pole v_{k-1} + Σ taps_i z_{k-i}. Its state is v_{k-1} and the earlier positions; of a
+    Kalman filter its position, velocity and acceleration."""
+    if part["kalman"] is not None:
+        predict = np.array([[1.0, period, period**2 / 2], [0.0, 1.0, period], [0.0, 0.0, 1.0]])
+        gain = np.array(part["kalman"], dtype=float) / period ** np.arange(3)
+        a = predict - np.outer(gain, predict[0])
+        b = np.column_stack([gain, np.zeros(3)])
+        return a, b, np.vstack([np.zeros(3), a[1]]), np.array([[1.0, 0.0], [gain[1], 0.0]])
     taps, pole = np.array(part["taps"], dtype=float), float(part["pole"])
     if not len(taps):
         return np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2)

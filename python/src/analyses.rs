@@ -243,7 +243,7 @@ pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
         "world": { "a": rows(&whole), "b": rows(&input), "c": rows(&state), "d": rows(&direct) },
         "device": { "a": rows(&a), "b": rows(&b), "c": rows(&DMatrix::identity(2, a.nrows())), "d": [[0.0, 0.0], [0.0, 0.0]] },
         "filter": PositionFilter::of(sampling, sampling.period).map(PositionFilter::pole),
-        "estimators": filters.iter().map(|f| json!({ "pole": f.pole, "taps": f.taps })).collect::<Vec<_>>(),
+        "estimators": filters.iter().map(|f| json!({ "pole": f.pole, "taps": f.taps, "kalman": f.kalman })).collect::<Vec<_>>(),
         "period": sampling.period,
         "delay": sampling.delay_s(),
     }))

@@ -37,7 +37,7 @@ def random_world(
     )
 
 
-@pytest.mark.parametrize("estimator", ["exact", "difference", "low-pass", "foaw", "foaw-best"])
+@pytest.mark.parametrize("estimator", ["exact", "difference", "low-pass", "foaw", "foaw-best", "kalman", "levant"])
 @pytest.mark.parametrize("delay", [0.0, 0.4e-3, 1e-3, 2.7e-3])
 @pytest.mark.parametrize("more", [{}, {"filter": 60.0, "every": 4}, {"integral": 0.3}, {"integral": 0.3, "filter": 60.0}])
 def test_the_loop_s_state_space_has_the_eigenvalues_of_the_check(
@@ -45,7 +45,7 @@ def test_the_loop_s_state_space_has_the_eigenvalues_of_the_check(
 ) -> None:
     rng = np.random.default_rng(7)
     for method in METHODS:
-        loop: dict[str, Any] = {"method": method, "estimator": estimator, "delay": delay, "cutoff": 80.0, "window": 5}
+        loop: dict[str, Any] = {"method": method, "estimator": estimator, "delay": delay, "cutoff": 80.0, "window": 5, "acceleration": 1e3}
         loop.update(more)
         world = random_world(rng, **loop)
         ours = np.abs(np.linalg.eigvals(world.to_control().loop.A))

@@ -145,12 +145,15 @@ fn file(rng: &mut Rng) -> String {
         "tustin" | "foh" => "start",
         _ => one_of(rng, &["start", "middle", "end", "end"]),
     };
-    let estimator = one_of(rng, &["exact", "difference", "low-pass", "foaw", "foaw-best"]);
+    let estimator = one_of(rng, &["exact", "difference", "low-pass", "foaw", "foaw-best", "kalman", "levant"]);
     let mut text = format!(
         "[loop]\nperiod = {period:e}\nmethod = \"{method}\"\noutput = \"{output}\"\nestimator = \"{estimator}\"\n"
     );
-    if estimator == "low-pass" {
+    if matches!(estimator, "low-pass" | "kalman") {
         text += &format!("cutoff = {:e}\n", number_of(rng, 0.1 / period));
+    }
+    if estimator == "levant" {
+        text += &format!("acceleration = {:e}\n", number_of(rng, 1e3));
     }
     if rng.u8(..4) == 0 {
         text += &format!("filter = {:e}\n", number_of(rng, 0.1 / period));

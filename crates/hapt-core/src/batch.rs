@@ -10,7 +10,7 @@ use crate::gradient::Contacts;
 use crate::lanes::each;
 use crate::matrix::{Response, Vector};
 use crate::nonlinear::Nonlinear;
-use crate::sense::{Memory, Puck, Sensor, Velocity, longest_windows};
+use crate::sense::{Kalman, Levant, Memory, Puck, Sensor, Velocity, longest_windows};
 use crate::step::{Branches, Loop, Port, Sample, State};
 use crate::{Lanes, Number};
 
@@ -80,7 +80,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
     for Batch<'_, N, B, C, W, S>
 {
     #[inline(always)]
-    fn estimate(&self, memory: &Memory<Lanes<N>, W>, position: Lanes<N>) -> Lanes<N> {
+    fn estimate(&self, memory: &mut Memory<Lanes<N>, W>, position: Lanes<N>) -> Lanes<N> {
         if let Some(velocity) = self.common.sensor.by_difference(memory, position) {
             return velocity;
         }
@@ -322,11 +322,32 @@ fn velocity<const N: usize, const B: usize, const C: usize, const W: usize>(
         };
         Some(Some(Velocity::DifferenceOver { every, rate: each_or_none(worlds, &rate)?? }))
     } else {
-        let low_pass = |world: &Loop<f64, B, C, W>| match of(world) {
-            Some(Velocity::LowPass { keep, gain }) => Some([keep, gain]),
-            None | Some(Velocity::Difference | Velocity::Foaw { .. } | Velocity::DifferenceOver { .. }) => None,
+        // The kind of the first, and each world's numbers where it has the same.
+        let numbers = |velocity: Option<Velocity<f64>>| match velocity? {
+            Velocity::LowPass { keep, gain } => Some((0, [keep, gain, 0.0, 0.0, 0.0])),
+            Velocity::Kalman(k) => Some((1, [k.period, k.half, k.position, k.velocity, k.acceleration])),
+            Velocity::Levant(l) => Some((2, [l.period, l.rate, l.change, l.reach, l.pull])),
+            Velocity::Difference | Velocity::Foaw { .. } | Velocity::DifferenceOver { .. } => None,
         };
-        let part = |i: usize| each_or_none(worlds, &|world| low_pass(world).map(|parts| parts[i])).flatten();
-        Some(Some(Velocity::LowPass { keep: part(0)?, gain: part(1)? }))
+        let (kind, _) = numbers(of(worlds.first()?))?;
+        let same = |velocity| numbers(velocity).filter(|(own, _)| *own == kind);
+        let part = |i: usize| each_or_none(worlds, &|world| same(of(world)).map(|(_, numbers)| numbers[i])).flatten();
+        Some(Some(match kind {
+            0 => Velocity::LowPass { keep: part(0)?, gain: part(1)? },
+            1 => Velocity::Kalman(Kalman {
+                period: part(0)?,
+                half: part(1)?,
+                position: part(2)?,
+                velocity: part(3)?,
+                acceleration: part(4)?,
+            }),
+            _ => Velocity::Levant(Levant {
+                period: part(0)?,
+                rate: part(1)?,
+                change: part(2)?,
+                reach: part(3)?,
+                pull: part(4)?,
+            }),
+        }))
     }
 }

@@ -109,6 +109,21 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
                 to.whole("every", "samples over which the velocity is taken", every as i64);
                 to.number("every_rate", "1 over their time, in 1/s", rate.to_f64());
             }
+            Some(Velocity::Kalman(kalman)) => {
+                to.number("half_square", "T²/2, of the Kalman filter's prediction", kalman.half.to_f64());
+                to.number("of_position", "the part of its error that the position takes", kalman.position.to_f64());
+                to.number("of_velocity", "that the velocity takes, in 1/s", kalman.velocity.to_f64());
+                to.number("of_acceleration", "that the acceleration takes, in 1/s²", kalman.acceleration.to_f64());
+            }
+            Some(Velocity::Levant(levant)) => {
+                to.number("change", "the largest change of Levant's velocity in a sample", levant.change.to_f64());
+                to.number(
+                    "reach",
+                    "the largest error of its prediction that it follows at once",
+                    levant.reach.to_f64(),
+                );
+                to.number("pull", "of its square root, times T", levant.pull.to_f64());
+            }
         }
         to.number("passes", "up to here a torque is commanded as it is", self.actuator.passes.to_f64());
         to.number("beyond", "what is commanded beyond", self.actuator.beyond.to_f64());

@@ -141,6 +141,11 @@ impl<const N: usize> Number for Lanes<N> {
     fn expm1(self) -> Self {
         self.map(libm::expm1)
     }
+
+    #[inline(never)]
+    fn sqrt(self) -> Self {
+        self.map(libm::sqrt)
+    }
 }
 
 /// A number of each of N worlds or laws. Out of line: N copies for each number of a world were a third of what a batch takes to compile.

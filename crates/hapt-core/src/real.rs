@@ -42,6 +42,8 @@ pub trait Number:
     fn exp(self) -> Self;
     /// e^x - 1, good near 0
     fn expm1(self) -> Self;
+    /// √x, correctly rounded
+    fn sqrt(self) -> Self;
 }
 
 /// `f32` or `f64`. Their functions are only libm's: the standard library's differ between machines.
@@ -57,7 +59,7 @@ pub trait Real: Number + PartialOrd {
 }
 
 macro_rules! real {
-    ($float:ty, $floor:path, $fabs:path, $sin:path, $exp:path, $expm1:path) => {
+    ($float:ty, $floor:path, $fabs:path, $sin:path, $exp:path, $expm1:path, $sqrt:path) => {
         impl Number for $float {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -99,6 +101,10 @@ macro_rules! real {
             fn expm1(self) -> Self {
                 $expm1(self)
             }
+            #[inline]
+            fn sqrt(self) -> Self {
+                $sqrt(self)
+            }
         }
 
         impl Real for $float {
@@ -116,5 +122,5 @@ macro_rules! real {
     };
 }
 
-real!(f32, libm::floorf, libm::fabsf, libm::sinf, libm::expf, libm::expm1f);
-real!(f64, libm::floor, libm::fabs, libm::sin, libm::exp, libm::expm1);
+real!(f32, libm::floorf, libm::fabsf, libm::sinf, libm::expf, libm::expm1f, libm::sqrtf);
+real!(f64, libm::floor, libm::fabs, libm::sin, libm::exp, libm::expm1, libm::sqrt);

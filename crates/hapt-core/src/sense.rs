@@ -1,5 +1,6 @@
 //! The puck as the loop measures it: the encoder's count and an estimated velocity (docs/contract.md, section 3, step 1).
 
+use crate::kalman::kalman_gains;
 use crate::{Error, Estimator, Number, Real, Spec};
 
 /// The puck as the loop sees it at one sample: u_k.
@@ -10,6 +11,16 @@ pub struct Puck<F> {
     pub position: F,
     /// v_k in rad/s (linear: m/s), by the estimator.
     pub velocity: F,
+}
+
+/// What an estimator with a model of its own makes of the positions so far.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Tracked<F> {
+    /// In rad (linear: m).
+    pub position: F,
+    /// In rad/s² (linear: m/s²).
+    pub acceleration: F,
 }
 
 /// The memory of the sensor.
@@ -24,6 +35,8 @@ pub struct Memory<F, const W: usize> {
     pub last: Option<Puck<F>>,
     /// y_{k-1}, where the position is filtered.
     pub filtered: F,
+    /// Of `kalman`; the position of `levant`.
+    pub tracked: Tracked<F>,
     /// The last counts, a ring; the newest is at `newest`. For FOAW, and positions for the difference over several samples.
     #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub counts: [F; W],
@@ -34,7 +47,14 @@ pub struct Memory<F, const W: usize> {
 }
 
 impl<F: Number, const W: usize> Memory<F, W> {
-    pub(crate) const EMPTY: Self = Memory { last: None, filtered: F::ZERO, counts: [F::ZERO; W], newest: 0, older: 0 };
+    pub(crate) const EMPTY: Self = Memory {
+        last: None,
+        filtered: F::ZERO,
+        tracked: Tracked { position: F::ZERO, acceleration: F::ZERO },
+        counts: [F::ZERO; W],
+        newest: 0,
+        older: 0,
+    };
 
     fn push(&mut self, count: F) {
         if self.last.is_some() {
@@ -87,6 +107,97 @@ pub(crate) enum Velocity<F> {
         every: usize,
         rate: F,
     },
+    Kalman(Kalman<F>),
+    Levant(Levant<F>),
+}
+
+/// The numbers of a Kalman filter of constant acceleration.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Kalman<F> {
+    /// T
+    pub period: F,
+    /// T²/2
+    pub half: F,
+    /// α
+    pub position: F,
+    /// β/T
+    pub velocity: F,
+    /// γ/T²
+    pub acceleration: F,
+}
+
+impl<F: Number> Kalman<F> {
+    fn new(cutoff: f64, period: f64) -> Self {
+        let [position, velocity, acceleration] = kalman_gains(core::f64::consts::TAU * cutoff * period);
+        Kalman {
+            period: F::from_f64(period),
+            half: F::from_f64(0.5 * period * period),
+            position: F::from_f64(position),
+            velocity: F::from_f64(velocity / period),
+            acceleration: F::from_f64(acceleration / (period * period)),
+        }
+    }
+
+    /// The velocity, and what is tracked, at a new position.
+    #[inline(always)]
+    fn step(&self, tracked: Tracked<F>, velocity: F, position: F) -> (F, Tracked<F>) {
+        let Tracked { position: before, acceleration } = tracked;
+        let predicted = before + self.period * velocity + self.half * acceleration;
+        let error = position - predicted;
+        let tracked = Tracked {
+            position: predicted + self.position * error,
+            acceleration: acceleration + self.acceleration * error,
+        };
+        (velocity + self.period * acceleration + self.velocity * error, tracked)
+    }
+}
+
+/// The numbers of Levant's differentiator: λ₁ = 1.5, λ₀ = 1.1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Levant<F> {
+    /// T
+    pub period: F,
+    /// 1/T
+    pub rate: F,
+    /// λ₀ L T, the largest change of the velocity in a sample
+    pub change: F,
+    /// λ₀ L T²
+    pub reach: F,
+    /// λ₁ √L T
+    pub pull: F,
+}
+
+impl<F: Number> Levant<F> {
+    fn new(acceleration: f64, period: f64) -> Self {
+        let change = 1.1 * acceleration * period;
+        Levant {
+            period: F::from_f64(period),
+            rate: F::from_f64(1.0 / period),
+            change: F::from_f64(change),
+            reach: F::from_f64(change * period),
+            pull: F::from_f64(1.5 * libm::sqrt(acceleration) * period),
+        }
+    }
+
+    /// The velocity, and the position that follows, at a new position z. With e = x_k - z_k, of the prediction e₀ = x_{k-1} + T v_{k-1} - z_k:
+    ///
+    /// ```text
+    /// e + λ₁ √L T √|e| sgn e + λ₀ L T² s = e₀,    v_k = v_{k-1} - λ₀ L T s,    s in sgn e, from -1 to 1 at e = 0
+    /// ```
+    ///
+    /// So e = 0 and v_k = (z_k - x_{k-1})/T while |e₀| ≤ λ₀ L T²; beyond, √|e| solves a quadratic equation.
+    #[inline(always)]
+    fn step(&self, before: F, velocity: F, position: F) -> (F, F) {
+        let error = before + self.period * velocity - position;
+        let beyond = error.abs() - self.reach;
+        let rest = beyond.if_above(F::ZERO, beyond, F::ZERO);
+        let sign = error.if_above(F::ZERO, F::ONE, -F::ONE);
+        let two = F::ONE + F::ONE;
+        let root = two * rest / (self.pull + (self.pull * self.pull + two * two * rest).sqrt());
+        let within = (position - before) * self.rate;
+        let velocity = beyond.if_above(F::ZERO, velocity - sign * self.change, within);
+        (velocity, position + sign * root * root)
+    }
 }
 
 impl<F: Number> Sensor<F> {
@@ -126,6 +237,14 @@ impl<F: Number> Sensor<F> {
                     Velocity::DifferenceOver { every: every as usize, rate }
                 }
             }),
+            Estimator::Kalman { cutoff } => {
+                Error::check_positive("cutoff", cutoff)?;
+                Some(Velocity::Kalman(Kalman::new(cutoff, spec.period)))
+            }
+            Estimator::Levant { acceleration } => {
+                Error::check_positive("acceleration", acceleration)?;
+                Some(Velocity::Levant(Levant::new(acceleration, spec.period)))
+            }
         };
         Ok(Sensor {
             count: spec.count.map(F::from_f64),
@@ -164,10 +283,14 @@ impl<F: Number> Sensor<F> {
         };
         last.position += travel;
         memory.filtered += travel;
+        memory.tracked.position += travel;
         let kept = match self.velocity {
             Some(Velocity::Foaw { .. }) => counts.unwrap_or(F::ZERO),
             Some(Velocity::DifferenceOver { .. }) => travel,
-            None | Some(Velocity::Difference | Velocity::LowPass { .. }) => return,
+            None
+            | Some(Velocity::Difference | Velocity::LowPass { .. } | Velocity::Kalman(_) | Velocity::Levant(_)) => {
+                return;
+            }
         };
         for count in &mut memory.counts {
             *count += kept;
@@ -190,15 +313,28 @@ impl<F: Number> Sensor<F> {
         Some(if self.filter.is_some() { Puck { position: memory.filtered, ..last } } else { last })
     }
 
-    /// The velocity from this position, which the memory has already, and earlier ones; `None` for FOAW, which has to search its window.
+    /// The velocity from this position, of which the memory has the count already, and earlier ones; `None` for FOAW, which has to search its window.
     #[inline(always)]
-    pub fn by_difference<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> Option<F> {
-        let (Some(estimator), Some(last)) = (self.velocity, memory.last) else { return Some(F::ZERO) };
+    pub fn by_difference<const W: usize>(&self, memory: &mut Memory<F, W>, position: F) -> Option<F> {
+        let (Some(estimator), Some(last)) = (self.velocity, memory.last) else {
+            memory.tracked = Tracked { position, acceleration: F::ZERO };
+            return Some(F::ZERO);
+        };
         match estimator {
             Velocity::Difference => Some((position - last.position) * self.rate),
             Velocity::LowPass { keep, gain } => Some(keep * last.velocity + gain * (position - last.position)),
             Velocity::DifferenceOver { every, rate } => Some((position - memory.then(every.min(memory.older))) * rate),
             Velocity::Foaw { .. } => None,
+            Velocity::Kalman(kalman) => {
+                let (velocity, tracked) = kalman.step(memory.tracked, last.velocity, position);
+                memory.tracked = tracked;
+                Some(velocity)
+            }
+            Velocity::Levant(levant) => {
+                let (velocity, tracked) = levant.step(memory.tracked.position, last.velocity, position);
+                memory.tracked.position = tracked;
+                Some(velocity)
+            }
         }
     }
 }
@@ -206,7 +342,7 @@ impl<F: Number> Sensor<F> {
 impl<F: Real> Sensor<F> {
     /// The velocity from this position and those before. Out of line: with the exact velocity a sample does not wait for the last store.
     #[inline(never)]
-    pub fn estimate<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> F {
+    pub fn estimate<const W: usize>(&self, memory: &mut Memory<F, W>, position: F) -> F {
         match self.by_difference(memory, position) {
             None => self.foaw(memory.older, |age| memory.count(age)),
             Some(velocity) => velocity,
@@ -218,7 +354,14 @@ impl<F: Real> Sensor<F> {
     pub fn window(&self, older: usize) -> usize {
         match self.velocity {
             Some(Velocity::Foaw { window, .. }) => window.min(older),
-            None | Some(Velocity::Difference | Velocity::LowPass { .. } | Velocity::DifferenceOver { .. }) => 0,
+            None
+            | Some(
+                Velocity::Difference
+                | Velocity::LowPass { .. }
+                | Velocity::DifferenceOver { .. }
+                | Velocity::Kalman(_)
+                | Velocity::Levant(_),
+            ) => 0,
         }
     }
 

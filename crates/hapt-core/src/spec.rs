@@ -228,6 +228,17 @@ pub enum Estimator {
         /// n in samples, positive.
         every: u32,
     },
+    /// The steady Kalman filter of a puck whose jerk is white noise, which predicts with a constant acceleration ([`crate::kalman_gains`]).
+    Kalman {
+        /// Hz, positive.
+        cutoff: f64,
+    },
+    /// The first-order sliding-mode differentiator with an implicit step (Levant, Automatica 34(3), 1998; Brogliato, Polyakov and Efimov,
+    /// IEEE TAC 65(8), 2020).
+    Levant {
+        /// L in rad/s² (linear: m/s²), positive: the largest acceleration that it follows exactly.
+        acceleration: f64,
+    },
 }
 
 /// The whole loop: what [`crate::Loop::new`] compiles.

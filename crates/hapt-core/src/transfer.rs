@@ -1,6 +1,6 @@
 //! The transfer of state from one world to the next, between two samples.
 
-use crate::sense::{Memory, Sensor, Velocity};
+use crate::sense::{Memory, Sensor, Tracked, Velocity};
 use crate::{Loop, Real, State};
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
@@ -54,13 +54,25 @@ impl<F: Real> Sensor<F> {
             Some(_) => memory.filtered + shorter * last.velocity,
             None => last.position,
         };
+        let tracked = match before.velocity {
+            Some(Velocity::Kalman(_) | Velocity::Levant(_)) => {
+                Tracked { position: memory.tracked.position + shorter * last.velocity, ..memory.tracked }
+            }
+            None
+            | Some(
+                Velocity::Difference
+                | Velocity::LowPass { .. }
+                | Velocity::DifferenceOver { .. }
+                | Velocity::Foaw { .. },
+            ) => Tracked { position: last.position, acceleration: F::ZERO },
+        };
         let foaw = |sensor: &Self| matches!(sensor.velocity, Some(Velocity::Foaw { .. }));
         let over = |sensor: &Self| matches!(sensor.velocity, Some(Velocity::DifferenceOver { .. }));
         let is_same = foaw(self) && foaw(before) || over(self) && over(before);
         if is_same && shorter == F::ZERO {
-            return Memory { last: Some(last), filtered, ..*memory };
+            return Memory { last: Some(last), filtered, tracked, ..*memory };
         }
-        let mut next = Memory { last: Some(last), filtered, ..Memory::EMPTY };
+        let mut next = Memory { last: Some(last), filtered, tracked, ..Memory::EMPTY };
         // The window begins anew: its counts are one period apart, of the period that has ended.
         if let Some(newest) = next.counts.first_mut() {
             *newest = match self.count {

@@ -130,6 +130,9 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     let exact = spec.estimator == Estimator::Exact;
     let (windowed, over) = (world.whole("window").is_some(), world.whole("every").is_some());
     let low_pass = matches!(spec.estimator, Estimator::LowPass { .. });
+    let kalman = matches!(spec.estimator, Estimator::Kalman { .. });
+    let levant = matches!(spec.estimator, Estimator::Levant { .. });
+    let tracked = kalman || levant;
     // The functions that the C of the world's laws calls.
     let own: Vec<&str> = LAWS.iter().filter(|(name, _)| law(name)).map(|(_, text)| *text).collect();
     let calls = |function: &str| own.iter().any(|text| text.contains(function));
@@ -160,10 +163,13 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("gradient", gradient),
         ("pushed", at_bodies && !gradient),
         ("exact", exact),
-        ("difference", !exact && !low_pass && !windowed && !over),
+        ("difference", !exact && !low_pass && !windowed && !over && !tracked),
         ("low_pass", low_pass),
         ("foaw", windowed),
         ("over", over),
+        ("kalman", kalman),
+        ("levant", levant),
+        ("tracked", tracked),
         ("ring", windowed || over),
         ("best", yes("best")),
         ("last", !exact || new_first || spec.filter.is_some()),
@@ -178,6 +184,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("nearest", nearest),
         ("pair", falling || nearest || law("texture")),
         ("ramp", falling),
+        ("bits", sin || exp || levant),
         ("libm", sin || exp),
         ("sin", sin),
         ("exp", exp),
@@ -185,7 +192,9 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("sin32", sin && !f64s),
         ("exp64", exp && f64s),
         ("exp32", exp && !f64s),
-        ("bits64", sin || (exp && f64s)),
+        ("sqrt64", levant && f64s),
+        ("sqrt32", levant && !f64s),
+        ("bits64", sin || ((exp || levant) && f64s)),
         ("doubles", sin || f64s),
         ("scalbn64", sin || (exp && f64s)),
         ("parts", !stored.is_empty() && !all),
@@ -250,7 +259,7 @@ fn code(facts: &Facts) -> String {
             code.push_str(&facts.with_laws(part, &LAWS));
         }
     };
-    put("libm", part!("libm/bits.c"));
+    put("bits", part!("libm/bits.c"));
     put("scalbn64", part!("libm/scalbn64.c"));
     put("sin", part!("libm/floor64.c"));
     put("sin", part!("libm/rem_pio2_large.c"));
@@ -260,6 +269,8 @@ fn code(facts: &Facts) -> String {
     put("exp32", part!("libm/exp32.c"));
     put("exp64", part!("libm/expm1_64.c"));
     put("exp32", part!("libm/expm1_32.c"));
+    put("sqrt64", part!("libm/sqrt64.c"));
+    put("sqrt32", part!("libm/sqrt32.c"));
     put("", WORLD);
     put("pair", part!("pair.c"));
     for (name, law) in LAWS {

@@ -99,10 +99,15 @@ fn has_effect(world: &World, path: &str) -> bool {
     match path {
         "loop.window" => match sampling.estimator {
             EstimatorKind::Foaw | EstimatorKind::FoawBest => true,
-            EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::LowPass => false,
+            EstimatorKind::Exact
+            | EstimatorKind::Difference
+            | EstimatorKind::LowPass
+            | EstimatorKind::Kalman
+            | EstimatorKind::Levant => false,
         },
         "loop.every" => sampling.estimator == EstimatorKind::Difference,
-        "loop.cutoff" => sampling.estimator == EstimatorKind::LowPass,
+        "loop.cutoff" => matches!(sampling.estimator, EstimatorKind::LowPass | EstimatorKind::Kalman),
+        "loop.acceleration" => sampling.estimator == EstimatorKind::Levant,
         "loop.advance" => sampling.output == Output::End && sampling.bodies_every == 1,
         "loop.bodies_every" => {
             !world.bodies.is_empty() && !sampling.method.takes_new_sample_first() && sampling.advance == 0
@@ -305,6 +310,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
         Measure::Angle => std::f64::consts::PI,
         Measure::Position => turn,
         Measure::Velocity => 10.0 * turn,
+        Measure::Acceleration => 10.0 * effort / device.inertia,
         Measure::Torque => 0.2 * effort,
         Measure::Stiffness => 4.0 * effort / turn,
         // Reduces the puck's speed by a tenth in one sample.
@@ -326,8 +332,15 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
 pub fn companion(world: &World, key: &str, value: &str) -> Option<(String, String)> {
     match (key, value.trim()) {
         // The cutoff starts at a tenth of the sampling rate.
-        ("loop.estimator", "low-pass") => {
+        ("loop.estimator", "low-pass" | "kalman") => {
             Some(("loop.cutoff".into(), format!("{} Hz", (0.1 / world.sampling.period).round().max(1.0))))
+        }
+        // Ten times what the device's largest torque gives it, or 1000 where it has none.
+        ("loop.estimator", "levant") => {
+            let device = &world.device;
+            let most = device.limit.map_or(1000.0, |limit| 10.0 * limit / device.inertia);
+            let unit = Measure::Acceleration.dimension(world.motion).symbol();
+            Some(("loop.acceleration".into(), format!("{most:e} {unit}")))
         }
         // Methods that take the new sample first take the torque from the start only.
         ("loop.method", name) => {

@@ -37,8 +37,8 @@ const NAMED: &[Named] = &[
     named(Dimension::FREQUENCY, "a frequency", "Hz", "50 Hz"),
     named(Dimension::ANGULAR_VELOCITY, "an angular velocity", "rad/s", "90 deg/s"),
     named(Dimension::VELOCITY, "a velocity", "m/s", "10 mm/s"),
-    named(Dimension::new(1, 0, 0, -2), "an angular acceleration", "rad/s^2", "10 rad/s^2"),
-    named(Dimension::new(0, 1, 0, -2), "an acceleration", "m/s^2", "9.81 m/s^2"),
+    named(Dimension::ANGULAR_ACCELERATION, "an angular acceleration", "rad/s^2", "10 rad/s^2"),
+    named(Dimension::ACCELERATION, "an acceleration", "m/s^2", "9.81 m/s^2"),
     named(Dimension::FORCE, "a force", "N", "2 N"),
     named(Dimension::TORQUE, "a torque", "N m", "5 N mm"),
     named(Dimension::ANGULAR_STIFFNESS, "a torsional stiffness", "N m/rad", "20 N mm/deg"),
@@ -68,6 +68,10 @@ impl Dimension {
     pub const ANGULAR_VELOCITY: Dimension = Dimension::new(1, 0, 0, -1);
     /// m/s
     pub const VELOCITY: Dimension = Dimension::new(0, 1, 0, -1);
+    /// rad/s²
+    pub const ANGULAR_ACCELERATION: Dimension = Dimension::new(1, 0, 0, -2);
+    /// m/s²
+    pub const ACCELERATION: Dimension = Dimension::new(0, 1, 0, -2);
     /// N = kg m/s²
     pub const FORCE: Dimension = Dimension::new(0, 1, 1, -2);
     /// N m; an energy (J) has it too

@@ -103,6 +103,8 @@ pub enum Measure {
     Position,
     /// rad/s, linear: m/s
     Velocity,
+    /// rad/s^2, linear: m/s^2
+    Acceleration,
     /// N m, linear: N
     Torque,
     /// N m/rad, linear: N/m
@@ -156,6 +158,8 @@ impl Measure {
             (Measure::Position, Motion::Linear) => Dimension::LENGTH,
             (Measure::Velocity, Motion::Rotary) => Dimension::ANGULAR_VELOCITY,
             (Measure::Velocity, Motion::Linear) => Dimension::VELOCITY,
+            (Measure::Acceleration, Motion::Rotary) => Dimension::ANGULAR_ACCELERATION,
+            (Measure::Acceleration, Motion::Linear) => Dimension::ACCELERATION,
             (Measure::Torque, Motion::Rotary) | (Measure::Energy, _) => Dimension::TORQUE,
             (Measure::Torque, Motion::Linear) => Dimension::FORCE,
             (Measure::Stiffness, Motion::Rotary) => Dimension::ANGULAR_STIFFNESS,
@@ -179,6 +183,7 @@ impl Measure {
             | Measure::Angle
             | Measure::Position
             | Measure::Velocity
+            | Measure::Acceleration
             | Measure::Torque
             | Measure::Stiffness
             | Measure::Damping
@@ -198,6 +203,8 @@ impl Measure {
             (Measure::Position, Motion::Linear) => (0.0, 2.0),
             (Measure::Velocity, Motion::Rotary) => (0.0, 1e3),
             (Measure::Velocity, Motion::Linear) => (0.0, 50.0),
+            (Measure::Acceleration, Motion::Rotary) => (1e-1, 1e6),
+            (Measure::Acceleration, Motion::Linear) => (1e-3, 1e4),
             (Measure::Torque, Motion::Rotary) => (1e-6, 100.0),
             (Measure::Torque, Motion::Linear) => (1e-5, 1e3),
             (Measure::Stiffness, Motion::Rotary) => (1e-6, 1e4),
@@ -220,6 +227,8 @@ impl Measure {
             (Measure::Position, Motion::Linear) => &["m", "mm", "um"],
             (Measure::Velocity, Motion::Rotary) => &["rad/s", "rpm", "deg/s"],
             (Measure::Velocity, Motion::Linear) => &["m/s", "mm/s"],
+            (Measure::Acceleration, Motion::Rotary) => &["rad/s^2", "deg/s^2"],
+            (Measure::Acceleration, Motion::Linear) => &["m/s^2", "mm/s^2"],
             (Measure::Torque, Motion::Rotary) => &["N m", "N mm"],
             (Measure::Torque, Motion::Linear) => &["N", "mN"],
             (Measure::Stiffness, Motion::Rotary) => &["N m/rad", "N mm/deg", "N mm/rad"],

@@ -34,6 +34,10 @@ hapt_core::named! {
         Foaw => "foaw",
         /// First-order adaptive windowing, best fit.
         FoawBest => "foaw-best",
+        /// The steady Kalman filter of constant acceleration.
+        Kalman => "kalman",
+        /// Levant's differentiator, of first order, with an implicit step.
+        Levant => "levant",
     }
 }
 

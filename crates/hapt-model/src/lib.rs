@@ -71,7 +71,7 @@ pub use hapt_core::named;
 pub use hapt_core::spec::{
     Body, Coupling, CouplingKind, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
 };
-pub use hapt_core::{LASTING, SafetyProfile};
+pub use hapt_core::{LASTING, SafetyProfile, kalman_gains};
 pub use hapt_plant::spec::{
     Cogging, DeviceSpec, DeviceTorque, Drive, FrictionByPosition, Gravity, Hand, Handle, Shape, Stops, Stribeck,
     Switching,

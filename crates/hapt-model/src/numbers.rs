@@ -85,6 +85,7 @@ pub(crate) fn sampling(sampling: &mut Sampling) -> NumberSlots<'_> {
         ("filter", Optional(&mut sampling.filter)),
         ("recentre", Optional(&mut sampling.recentre)),
         ("cutoff", Optional(&mut sampling.cutoff)),
+        ("acceleration", Optional(&mut sampling.acceleration)),
         ("every", Whole(&mut sampling.every)),
         ("window", Whole(&mut sampling.window)),
     ]
@@ -357,6 +358,7 @@ mod tests {
         interval_max = "1.5 ms"
         estimator = "low-pass"
         cutoff = "50 Hz"
+        acceleration = "1000 rad/s^2"
         [device]
         inertia = 1e-3
         limit = 1

@@ -243,6 +243,7 @@ mod tests {
     fn every_unit_has_its_value_in_si() {
         let table = [
             ("rad", 1.0, Dimension::ANGLE),
+            ("mrad", 0.001, Dimension::ANGLE),
             ("deg", PI / 180.0, Dimension::ANGLE),
             ("°", PI / 180.0, Dimension::ANGLE),
             ("rev", TAU, Dimension::ANGLE),
@@ -259,6 +260,7 @@ mod tests {
             ("us", 1e-6, Dimension::TIME),
             ("\u{b5}s", 1e-6, Dimension::TIME),
             ("\u{3bc}s", 1e-6, Dimension::TIME),
+            ("ns", 1e-9, Dimension::TIME),
             ("Hz", 1.0, Dimension::FREQUENCY),
             ("kHz", 1e3, Dimension::FREQUENCY),
             ("N", 1.0, Dimension::FORCE),

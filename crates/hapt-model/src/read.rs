@@ -170,6 +170,7 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
         recentre: fields.optional_number("recentre")?,
         estimator,
         cutoff: fields.optional_number("cutoff")?,
+        acceleration: fields.optional_number("acceleration")?,
         every: fields.whole("every")?,
         window: fields.whole("window")?,
     };
@@ -203,8 +204,13 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
     if let Some((key, message)) = sampling.fault() {
         return combination(key, message);
     }
-    if estimator == EstimatorKind::LowPass && sampling.cutoff.is_none() {
-        return Err(fields.missing("cutoff"));
+    let parameter = match estimator {
+        EstimatorKind::LowPass | EstimatorKind::Kalman => Some(("cutoff", sampling.cutoff)),
+        EstimatorKind::Levant => Some(("acceleration", sampling.acceleration)),
+        EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::Foaw | EstimatorKind::FoawBest => None,
+    };
+    if let Some((key, None)) = parameter {
+        return Err(fields.missing(key));
     }
     Ok(sampling)
 }

@@ -34,8 +34,10 @@ pub struct Sampling {
     pub recentre: Option<f64>,
     /// The velocity estimator's name.
     pub estimator: EstimatorKind,
-    /// The low-pass estimator's cutoff in Hz; always there with `low-pass`, kept when given with another.
+    /// The cutoff in Hz of the low-pass and the Kalman filter; always there with these, kept when given with another estimator.
     pub cutoff: Option<f64>,
+    /// The largest acceleration that Levant's differentiator follows exactly, rad/s² (linear: m/s²); always there with it.
+    pub acceleration: Option<f64>,
     /// The samples over which the estimator `difference` takes the velocity, 1 or more; kept when given with another.
     pub every: u32,
     /// The largest FOAW window in samples.
@@ -77,6 +79,7 @@ impl Sampling {
             recentre: None,
             estimator: EstimatorKind::Exact,
             cutoff: None,
+            acceleration: None,
             every: const { default_number("loop.every") as u32 },
             window: const { default_number("loop.window") as u32 },
         }
@@ -163,6 +166,16 @@ impl Sampling {
         self.estimator == EstimatorKind::Difference && self.every > 1
     }
 
+    /// Whether the velocity is a linear function of the positions: FOAW changes its window, and Levant's differentiator follows no more than
+    /// its acceleration.
+    pub fn has_linear_estimator(&self) -> bool {
+        match self.estimator {
+            EstimatorKind::Foaw | EstimatorKind::FoawBest => self.window <= 1,
+            EstimatorKind::Levant => false,
+            EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::LowPass | EstimatorKind::Kalman => true,
+        }
+    }
+
     /// The estimator with its parameters.
     pub fn velocity_estimator(&self) -> Estimator {
         match self.estimator {
@@ -173,6 +186,9 @@ impl Sampling {
             EstimatorKind::LowPass => Estimator::LowPass { cutoff: self.cutoff.unwrap_or(f64::INFINITY) },
             EstimatorKind::Foaw => Estimator::Foaw { window: self.window },
             EstimatorKind::FoawBest => Estimator::FoawBest { window: self.window },
+            // The reader refuses these without their key.
+            EstimatorKind::Kalman => Estimator::Kalman { cutoff: self.cutoff.unwrap_or(f64::INFINITY) },
+            EstimatorKind::Levant => Estimator::Levant { acceleration: self.acceleration.unwrap_or(f64::INFINITY) },
         }
     }
 }

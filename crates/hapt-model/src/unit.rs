@@ -27,6 +27,7 @@ const fn si(angle: i16, length: i16, mass: i16, time: i16, ten: i16) -> Unit {
 /// The units by name, those of one dimension together, SI first.
 pub const UNITS: &[(&str, Unit)] = &[
     ("rad", si(1, 0, 0, 0, 0)),
+    ("mrad", si(1, 0, 0, 0, -3)),
     ("deg", Unit([1, 0, 0, 0, 0, 1, 0, -1, 0, 0, 0, 0])),
     ("°", Unit([1, 0, 0, 0, 0, 1, 0, -1, 0, 0, 0, 0])),
     ("rev", Unit([1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0])),
@@ -43,6 +44,7 @@ pub const UNITS: &[(&str, Unit)] = &[
     ("us", si(0, 0, 0, 1, -6)),
     ("\u{b5}s", si(0, 0, 0, 1, -6)),
     ("\u{3bc}s", si(0, 0, 0, 1, -6)),
+    ("ns", si(0, 0, 0, 1, -9)),
     ("Hz", si(0, 0, 0, -1, 0)),
     ("kHz", si(0, 0, 0, -1, 3)),
     ("N", si(0, 1, 1, -2, 0)),

@@ -70,8 +70,9 @@ fn cases(samples: u32) -> Result<Vec<(String, Vec<u8>)>> {
         };
         cases.push((format!("nonlinear, {}", method.name()), nonlinear));
     }
-    for estimator in [EstimatorKind::Foaw, EstimatorKind::FoawBest] {
+    for estimator in [EstimatorKind::Foaw, EstimatorKind::FoawBest, EstimatorKind::Kalman, EstimatorKind::Levant] {
         let mut rough = world("default")?;
+        (rough.sampling.cutoff, rough.sampling.acceleration) = (Some(50.0), Some(1000.0));
         (rough.sampling.estimator, rough.device.encoder, rough.device.levels) = (estimator, Some(4000.0), Some(2048));
         let law = Law::Lugre {
             coulomb: 0.05,

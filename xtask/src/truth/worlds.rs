@@ -59,6 +59,7 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
         filter: (rng.u8(..4) == 0).then(|| log_uniform(rng, -2.5, 0.3) / period),
         estimator,
         cutoff,
+        acceleration: None,
         every: if estimator == EstimatorKind::Difference && rng.bool() { rng.u32(2..17) } else { 1 },
         ..Sampling::new(period)
     };

@@ -251,6 +251,9 @@ impl Decomposition {
                 return Ok(None);
             }
             for filter in Filter::of(&world.sampling, world.sampling.period) {
+                if filter.kalman.is_some() {
+                    return Ok(None);
+                }
                 let puck = Box::new(Puck::new(world, &world.couplings, &slopes, &filter)?);
                 push(&mut all, &corners, gains, Equation::Puck(puck));
             }

@@ -16,7 +16,7 @@ use crate::stability::fall::{Fall, fall};
 use crate::stability::free::{free, free_at_this_period, shortest_period};
 use crate::stability::{Stability, Verdict};
 use crate::text::{short, time, with_unit};
-use crate::theorems::assumptions::laws_cost;
+use crate::theorems::assumptions::{laws_cost, takes_estimate};
 use crate::theorems::stable::{free_claim, grows, held_claim};
 use crate::theorems::{Claimed, Passivity, PatternVerdict, Theorem, Uneven, passivity, uneven};
 
@@ -227,16 +227,22 @@ fn notes(world: &World, fall: Option<Fall>) -> Result<Vec<String>, Error> {
         notes.push(format!("free is a linear estimate of a nonlinear world: {looked}"));
     }
     let sampling = &world.sampling;
-    let is_foaw = match sampling.estimator {
-        EstimatorKind::Foaw | EstimatorKind::FoawBest => true,
-        EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::LowPass => false,
-    };
-    if is_foaw && sampling.window > 1 {
-        notes.push(format!(
+    match sampling.estimator {
+        EstimatorKind::Foaw | EstimatorKind::FoawBest if sampling.window > 1 => notes.push(format!(
             "free takes {} at its longest window, {} samples, and at its shortest, 1: the worse of the two counts",
             sampling.estimator.name(),
             sampling.window
-        ));
+        )),
+        EstimatorKind::Levant if takes_estimate(world) => notes.push(
+            "free takes levant as the difference, which it is as long as the velocity changes by no more than 1.1 loop.acceleration".to_string(),
+        ),
+        EstimatorKind::Exact
+        | EstimatorKind::Difference
+        | EstimatorKind::LowPass
+        | EstimatorKind::Foaw
+        | EstimatorKind::FoawBest
+        | EstimatorKind::Kalman
+        | EstimatorKind::Levant => {}
     }
     if may_not_settle(world) {
         notes.push(

@@ -8,6 +8,7 @@
 
 use std::collections::BTreeMap;
 
+use hapt_model::keys::PHYSICAL;
 use hapt_model::{Coupling, Damping, Delay, End, EstimatorKind, Law, Output, Sampling, World};
 use serde::Serialize;
 
@@ -107,13 +108,15 @@ pub fn remedies(world: &World) -> Result<Remedies, Error> {
             bound.remedy(world)
         }
     };
+    // What a file would take.
+    let taken = |x: &f64| *x == 0.0 || PHYSICAL.contains(x);
     Ok(Remedies {
-        interval_max_s: bound("interval_max_s", &INTERVAL),
-        delay_max_s: bound("delay_max_s", &DELAY),
-        device_damping: device_damping(world)?,
-        ground_damping: ground_damping(world, certified),
-        period_s,
-        delay_s,
+        interval_max_s: bound("interval_max_s", &INTERVAL).filter(taken),
+        delay_max_s: bound("delay_max_s", &DELAY).filter(taken),
+        device_damping: device_damping(world)?.filter(taken),
+        ground_damping: ground_damping(world, certified).filter(taken),
+        period_s: period_s.filter(taken),
+        delay_s: delay_s.filter(taken),
         advance: (1..=STEPS)
             .find(|&advance| others(world.sampling.output == Output::End && with_advance(world, advance))),
         output: Output::ALL.into_iter().find(|&output| others(with_output(world, output))).map(Output::name),
@@ -122,7 +125,7 @@ pub fn remedies(world: &World) -> Result<Remedies, Error> {
                 others(world.sampling.estimator != *kind && changed(world, |w| w.sampling.estimator = *kind))
             })
             .map(EstimatorKind::name),
-        overspeed: if certified { None } else { overspeed(world)? },
+        overspeed: if certified { None } else { overspeed(world)?.filter(taken) },
         compensation_scale: if certified { None } else { compensation_scale(world) },
         stiffness_scale,
         reasons,

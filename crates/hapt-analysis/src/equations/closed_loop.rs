@@ -13,6 +13,7 @@
 //! | ż | the same |
 //! | the bodies' modes, see [`crate::equations::port`]: positions relative to the shift of the puck unless it is grounded, velocities | by the method |
 //! | v̂_k, the measured velocity, where a damper acts on the puck and the estimator is not exact | pole v̂_k + Σ g_i δ_{k+1-i} |
+//! | r = ẑ - z and T â of a Kalman filter, in place of the next row, with e = δ_{k+1} - r - T v̂ - T (T â)/2 | (α - 1) e, T â + γ e/T; v̂ + T â + β e/T |
 //! | δ_k, δ_{k-1}, ... with δ_k = z_k - z_{k-1}, as many as the estimator uses | z_{k+1} - z_k, then shifted by one |
 //! | the commands before this sample's, as many as are in flight | this sample's, then shifted by one |
 //! | the motor's torque, where it lags behind its command | by the held commands, exactly |
@@ -174,7 +175,11 @@ impl<'a> ClosedLoop<'a> {
         // State that nothing uses is omitted.
         let in_flight = if uncoupled { 0 } else { in_flight };
         let estimated = port.has_damper() && !filter.taps.is_empty();
-        let memory = if estimated { filter.taps.len().saturating_sub(2) } else { 0 };
+        let memory = match filter.kalman {
+            _ if !estimated => 0,
+            Some(_) => 2,
+            None => filter.taps.len().saturating_sub(2),
+        };
         let bodies: usize = port.blocks.iter().map(|b| b.positions + b.equations.bodies()).sum();
 
         let z = port.grounded.then_some(0);
@@ -391,7 +396,20 @@ impl<'a> ClosedLoop<'a> {
             }
             d.set_row(i, &row);
         }
-        if estimated {
+        if let Some([of_position, of_velocity, of_acceleration]) = filter.kalman.filter(|_| estimated) {
+            let (behind, acceleration) = (first_memory, first_memory + 1);
+            let mut error = dz.clone();
+            error[behind] -= 1.0;
+            error[estimate] -= period;
+            error[acceleration] -= 0.5 * period;
+            let mut row = &error * (of_velocity / period);
+            row[acceleration] += 1.0;
+            d.set_row(estimate, &row);
+            let mut row = &error * (of_position - 1.0);
+            row[behind] -= 1.0;
+            d.set_row(behind, &row);
+            d.set_row(acceleration, &(&error * (of_acceleration / period)));
+        } else if estimated {
             let mut sum = 0.0;
             let gains: Vec<f64> =
                 filter.taps.iter().take(filter.taps.len() - 1).map(|tap| (sum += tap, sum).1).collect();
@@ -402,7 +420,7 @@ impl<'a> ClosedLoop<'a> {
             row[estimate] -= if filter.pole == 0.0 { 1.0 } else { period * gains.iter().sum::<f64>() };
             d.set_row(estimate, &row);
         }
-        for i in 0..memory {
+        for i in 0..if filter.kalman.is_some() { 0 } else { memory } {
             let mut row = if i == 0 { dz.clone() } else { self.unit(first_memory + i - 1) };
             row[first_memory + i] -= 1.0;
             d.set_row(first_memory + i, &row);

@@ -1,6 +1,6 @@
 //! The velocity estimators as linear filters of the sampled position, and the filter of the position itself.
 
-use hapt_model::{EstimatorKind, Sampling};
+use hapt_model::{EstimatorKind, Sampling, kalman_gains};
 
 /// v_k = pole v_{k-1} + Σ taps\[i\] z_{k-i}. The taps sum to 0: at rest the velocity is 0.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,32 +9,40 @@ pub struct Filter {
     pub pole: f64,
     /// In 1/s, the newest sample first; empty for the true velocity.
     pub taps: Vec<f64>,
+    /// α, β and γ of a Kalman filter, which has three states of its own. Its taps are those of what it becomes for a cutoff far beyond the
+    /// sampling rate, and are not used.
+    pub kalman: Option<[f64; 3]>,
 }
 
 impl Filter {
-    /// The filters of an estimator at `period`. FOAW has two, of its shortest and its longest window; the others have one.
+    /// The filters of an estimator at `period`. FOAW has two, of its shortest and its longest window; the others have one, and
+    /// Levant's differentiator that of small motions.
     /// `exact` has no taps.
     pub fn of(sampling: &Sampling, period: f64) -> Vec<Filter> {
-        let difference = || Filter { pole: 0.0, taps: vec![1.0 / period, -1.0 / period] };
+        let taken = |pole: f64, taps: Vec<f64>| Filter { pole, taps, kalman: None };
         let windows = |fit: fn(usize, f64) -> Vec<f64>| {
             let longest = (sampling.window as usize).max(1);
             let mut lengths = vec![1, longest];
             lengths.dedup();
-            lengths.into_iter().map(|n| Filter { pole: 0.0, taps: fit(n, period) }).collect()
+            lengths.into_iter().map(|n| taken(0.0, fit(n, period))).collect()
         };
+        let cutoff = sampling.cutoff.unwrap_or(f64::INFINITY);
         match sampling.estimator {
-            EstimatorKind::Exact => vec![Filter { pole: 0.0, taps: Vec::new() }],
-            EstimatorKind::Difference => {
-                vec![Filter { pole: 0.0, taps: end_fit((sampling.every as usize).max(1), period) }]
-            }
+            EstimatorKind::Exact => vec![taken(0.0, Vec::new())],
+            EstimatorKind::Difference => vec![taken(0.0, end_fit((sampling.every as usize).max(1), period))],
             EstimatorKind::LowPass => {
-                let Some(cutoff) = sampling.cutoff else { return vec![difference()] };
                 let tau = 1.0 / (std::f64::consts::TAU * cutoff);
                 let rate = 1.0 / (tau + period);
-                vec![Filter { pole: tau * rate, taps: vec![rate, -rate] }]
+                vec![taken(tau * rate, vec![rate, -rate])]
             }
             EstimatorKind::Foaw => windows(end_fit),
             EstimatorKind::FoawBest => windows(best_fit),
+            EstimatorKind::Kalman => {
+                let gains = kalman_gains(std::f64::consts::TAU * cutoff * period);
+                vec![Filter { kalman: Some(gains), ..taken(0.0, end_fit(1, period)) }]
+            }
+            // As long as it follows, it is the difference.
+            EstimatorKind::Levant => vec![taken(0.0, end_fit(1, period))],
         }
     }
 }

@@ -162,8 +162,8 @@ pub struct Impedance {
     lag: Delay,
     /// The time constant of the motor, s.
     motor_lag: f64,
-    /// Pole and taps of v = (1 - z⁻¹) W z; `None` for the true velocity.
-    slope: Option<(f64, Vec<f64>)>,
+    /// v = (1 - z⁻¹) W z; `None` for the true velocity.
+    slope: Option<Slope>,
     transfer: TransferFunction,
     /// The gain of the integral terms, N·m/(rad·s), and the pole of the filter before them; 0: none.
     integral: (f64, f64),
@@ -303,8 +303,13 @@ impl Impedance {
         let step = -exp_m1(C::new(0.0, -phi));
         let w = match &self.slope {
             None => C::new(0.0, omega) / step,
-            Some((pole, taps)) => {
+            Some(Slope::Taps { pole, taps }) => {
                 taps.iter().rev().fold(C::from(0.0), |sum, tap| sum * back + tap) / (1.0 - pole * back)
+            }
+            // The error of the prediction is (1 - z⁻¹)³ z over this.
+            Some(Slope::Kalman([a, b, c])) => {
+                let all = step * step * step + a * back * step * step + back * (b * step + 0.5 * c * step + c * back);
+                (b * step + c * back) / (self.period * all)
             }
         };
         // -F
@@ -443,16 +448,30 @@ fn beyond(handle: Handle, puck: Elements, omega: f64) -> C {
     both - omega * omega * inertia
 }
 
-/// The estimator as pole and taps of W. FOAW is a difference with an ideal encoder, and its longest window with a real one.
-fn slope(world: &World) -> Option<(f64, Vec<f64>)> {
+/// An estimator as W.
+#[derive(Clone, Debug)]
+enum Slope {
+    Taps {
+        pole: f64,
+        taps: Vec<f64>,
+    },
+    /// α, β, γ
+    Kalman([f64; 3]),
+}
+
+/// The estimator. FOAW is a difference with an ideal encoder, and its longest window with a real one.
+fn slope(world: &World) -> Option<Slope> {
     let ideal = world.device.encoder.is_none();
     let filters = Filter::of(&world.sampling, world.sampling.period);
     let filter = if ideal { filters.first() } else { filters.last() }?;
+    if let Some(gains) = filter.kalman {
+        return Some(Slope::Kalman(gains));
+    }
     let mut sum = 0.0;
     let mut taps: Vec<f64> = filter.taps.iter().map(|tap| (sum += tap, sum).1).collect();
     // The taps sum to 0.
     taps.pop()?;
-    Some((filter.pole, taps))
+    Some(Slope::Taps { pole: filter.pole, taps })
 }
 
 fn notes(world: &World, slopes: &Slopes, transfer: &TransferFunction) -> Vec<String> {
@@ -504,7 +523,14 @@ fn notes(world: &World, slopes: &Slopes, transfer: &TransferFunction) -> Vec<Str
                     world.sampling.window
                 ));
             }
-            EstimatorKind::Difference | EstimatorKind::LowPass | EstimatorKind::Foaw | EstimatorKind::FoawBest => {}
+            EstimatorKind::Levant => notes.push(
+                "levant is taken as the difference, which it is as long as the velocity changes by no more than 1.1 loop.acceleration".into(),
+            ),
+            EstimatorKind::Difference
+            | EstimatorKind::LowPass
+            | EstimatorKind::Foaw
+            | EstimatorKind::FoawBest
+            | EstimatorKind::Kalman => {}
         }
     }
     notes

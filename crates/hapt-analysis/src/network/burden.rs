@@ -66,7 +66,11 @@ pub(super) fn bounds_damping(station: &Station) -> bool {
     match station.world.sampling.estimator {
         EstimatorKind::Difference => station.world.sampling.every == 1,
         EstimatorKind::LowPass => true,
-        EstimatorKind::Exact | EstimatorKind::Foaw | EstimatorKind::FoawBest => false,
+        EstimatorKind::Exact
+        | EstimatorKind::Foaw
+        | EstimatorKind::FoawBest
+        | EstimatorKind::Kalman
+        | EstimatorKind::Levant => false,
     }
 }
 

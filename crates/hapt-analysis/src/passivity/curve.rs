@@ -394,7 +394,7 @@ mod tests {
             at_puck: [gain.re, 0.0],
             is_accurate: true,
         };
-        let filter = Filter { pole: 0.0, taps: Vec::new() };
+        let filter = Filter { pole: 0.0, taps: Vec::new(), kalman: None };
         let curve = DampingCurve::new(&transfer, &filter, Delay { samples: 0, fraction: 0.0 }, 0.0, period);
         let found = supremum(&curve, DampingCurve::size(&transfer, 0.0, period), Wanted::Value).unwrap();
         assert!((found.value / (2.0 * mass / period) - 1.0).abs() < 1e-12, "{found:?}");

@@ -16,7 +16,7 @@
 //!
 //! which never exceeds K T (1/2 + d).
 
-use hapt_model::{Body, Coupling, Sampling, World};
+use hapt_model::{Body, Coupling, EstimatorKind, Sampling, World};
 
 use crate::equations::continuous::Slopes;
 use crate::equations::delay::Delay;
@@ -34,6 +34,15 @@ use crate::stability::{MARGINAL, Verdict};
 /// Why the poles of a world give no verdict.
 const FAR_APART: &str = "the rates of bodies, springs and dampers lie too far apart for double precision: a body that a huge damper holds is \
                          better written as ground, and a very light one left out";
+
+/// Why no theorem covers a damper with the Kalman filter.
+pub(crate) const KALMAN: &str = "a Kalman filter predicts the velocity with three states of its own, which no theorem on passivity covers: \
+                                 estimator = \"difference\" or \"low-pass\" has a proof";
+
+/// Whether a damper at the puck takes the velocity of a Kalman filter.
+fn is_kalman(world: &World, transfer: &TransferFunction) -> bool {
+    world.sampling.estimator == EstimatorKind::Kalman && transfer.at_puck[1] > 0.0
+}
 
 /// Why a filter gives no verdict.
 const FILTER_POLE: &str =
@@ -155,6 +164,9 @@ pub(crate) fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Cou
     };
     if !transfer.is_accurate {
         return Ok(Requirement { damping: Err(Cause::Outside { reason: FAR_APART }), at_hz: None });
+    }
+    if is_kalman(world, &transfer) {
+        return Ok(Requirement { damping: Err(Cause::Outside { reason: KALMAN }), at_hz: None });
     }
     let lag = Delay::of_loop(&world.sampling)?;
     let mut worst: Option<Requirement> = None;
@@ -290,7 +302,9 @@ fn damped(world: &World, couplings: &[Coupling]) -> Result<Option<TransferFuncti
 /// sample to sample, the root of the sum of squares of the torques' changes is at most that times the positions'.
 pub(crate) fn largest_gain(wanted: Wanted, world: &World, couplings: &[Coupling]) -> Result<Option<f64>, Error> {
     let period = world.sampling.period;
-    let Some(transfer) = damped(world, couplings)? else { return Ok(None) };
+    let Some(transfer) = damped(world, couplings)?.filter(|transfer| !is_kalman(world, transfer)) else {
+        return Ok(None);
+    };
     let mut largest = 0.0f64;
     for filter in Filter::of(&world.sampling, period) {
         let curve = DampingCurve::gain(&transfer, &filter, period);
@@ -308,7 +322,9 @@ pub(crate) fn late_requirement(
     (longest, parts): (f64, [f64; 2]),
 ) -> Result<Option<f64>, Error> {
     let period = world.sampling.period;
-    let Some(transfer) = damped(world, couplings)? else { return Ok(None) };
+    let Some(transfer) = damped(world, couplings)?.filter(|transfer| !is_kalman(world, transfer)) else {
+        return Ok(None);
+    };
     let mut largest = 0.0f64;
     for filter in Filter::of(&world.sampling, period) {
         let curve = |samples: usize, fraction: f64| {

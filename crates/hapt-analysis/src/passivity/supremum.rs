@@ -398,10 +398,10 @@ mod tests {
                     }
                 }
                 let filter = match filter {
-                    0 => Filter { pole: 0.0, taps: Vec::new() },
-                    1 => Filter { pole: 0.6, taps: vec![0.4 / period, -0.4 / period] },
-                    2 => Filter { pole: 0.0, taps: vec![1.0 / period, -1.0 / period] },
-                    _ => Filter { pole: 0.0, taps: vec![0.5 / period, 0.0, 0.0, -0.5 / period] },
+                    0 => Filter { pole: 0.0, taps: Vec::new(), kalman: None },
+                    1 => Filter { pole: 0.6, taps: vec![0.4 / period, -0.4 / period], kalman: None },
+                    2 => Filter { pole: 0.0, taps: vec![1.0 / period, -1.0 / period], kalman: None },
+                    _ => Filter { pole: 0.0, taps: vec![0.5 / period, 0.0, 0.0, -0.5 / period], kalman: None },
                 };
                 let at_puck = [4.0, 4.0 * period];
                 let transfer =

@@ -10,7 +10,7 @@
 //! (KT - b)/(J_z + J_w).
 
 use hapt_model::{Device, EstimatorKind, Method, Output, Sampling, World};
-use nalgebra::Complex;
+use nalgebra::{Complex, DMatrix};
 
 use crate::equations::closed_loop::closed_loop;
 use crate::equations::continuous::{of_step, piecewise};
@@ -315,6 +315,13 @@ pub(crate) fn multipliers(
         let all = f64::from(sampling.bodies_every) * (-period * filter.taps[0]).ln_1p();
         found.push((of(Complex::new(all.exp_m1(), 0.0)), 0.0));
     }
+    // So does a Kalman filter.
+    if let Some([position, velocity, acceleration]) = filter.kalman.filter(|_| !port.has_damper()) {
+        let [a, b, c] = [position, velocity, acceleration];
+        let own = DMatrix::from_row_slice(3, 3, &[-a, 1.0 - a, 0.5 - 0.5 * a, -b, -b, 1.0 - 0.5 * b, -c, -c, -0.5 * c]);
+        let own = (0..sampling.bodies_every).fold(DMatrix::zeros(3, 3), |all, _| &all + &own + &own * &all);
+        found.extend(eigenvalues_and_scale(&own)?.0.into_iter().map(|mu| (of(mu), 0.0)));
+    }
     // So does a filter of the position whose output is not used.
     if let Some(filter) = PositionFilter::of(sampling, period).filter(|_| port.is_uncoupled()) {
         let all = f64::from(sampling.bodies_every) * filter.ln_pole();
@@ -370,8 +377,9 @@ impl Followed {
         period: f64,
         conserved: bool,
     ) -> Result<Option<Vec<(Multiplier, f64)>>, Error> {
-        // The equations of the delayed and of the modal loop are those of one sample, of the measured position.
-        let is_plain = sampling.bodies_every == 1 && sampling.filter.is_none() && port.integral == 0.0;
+        // The equations of the delayed and of the modal loop are those of one sample, of the measured position and a velocity by one pole.
+        let is_measured = sampling.filter.is_none() && filter.kalman.is_none();
+        let is_plain = sampling.bodies_every == 1 && is_measured && port.integral == 0.0;
         let Some(rates) = self.expected(period).filter(|_| is_plain) else { return Ok(None) };
         let delayed;
         let (mut function, size) = match &self.modal {

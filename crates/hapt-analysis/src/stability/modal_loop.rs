@@ -109,7 +109,7 @@ impl ModalLoop {
         let delay = Delay::of(sampling.delay.seconds(period), period)?;
         let port = &self.device;
         // The commands of d and of d + 1 samples ago stand where one has those of 1 and 2 samples ago; no velocity is estimated.
-        let none = Filter { pole: 0.0, taps: Vec::new() };
+        let none = Filter { pole: 0.0, taps: Vec::new(), kalman: None };
         let parts = ClosedLoop::new(port, sampling, &none, period, 2)?;
         let change = parts.puck(damping, Hold { interval: period, before: delay.fraction * period, age: 1 });
         let places: Vec<(usize, usize)> =

@@ -18,9 +18,14 @@ use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, quantisation, step};
+use crate::passivity::required::KALMAN;
 use crate::passivity::timing::Timing;
 use crate::passivity::within::taken;
 use crate::text::with_unit;
+
+/// Why no theorem covers a damper with Levant's differentiator.
+pub(super) const LEVANT: &str = "Levant's differentiator follows no acceleration beyond 1.1 loop.acceleration, and then lags and overshoots, which no \
+                                 theorem covers: estimator = \"difference\" or \"low-pass\" has a proof";
 
 pub(super) const LOW_PASS: &str = "a low-pass delays the velocity, and nonlinear couplings have no proof with that";
 
@@ -63,17 +68,40 @@ pub(super) fn outside(world: &World) -> Vec<String> {
     reasons
 }
 
-/// Whether no theorem gives the number for this world: FOAW changes its window, and a constant at a body is a source. The estimator
+/// Whether no theorem gives the number for this world: its estimator is not linear, and a constant at a body is a source. The estimator
 /// `exact` counts as the difference, so that what is claimed is about that.
 pub(super) fn is_estimate(world: &World) -> bool {
-    changes_window(world) || constants(world).is_some()
+    nonlinear_estimator(world).is_some() || constants(world).is_some()
 }
 
-/// Whether the torque takes a velocity whose estimator changes its window.
-pub(super) fn changes_window(world: &World) -> bool {
-    let takes = || world.couplings.iter().any(|c| laws::at_puck(c) && laws::takes_velocity(&c.law));
-    let changes = matches!(world.sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
-    changes && world.sampling.window > 1 && takes()
+/// Whether the torque takes the estimated velocity.
+pub(crate) fn takes_estimate(world: &World) -> bool {
+    world.couplings.iter().any(|c| laws::at_puck(c) && laws::takes_velocity(&c.law))
+}
+
+/// What is not linear in the velocity that the torque takes; `None` where it takes none, or where its estimator is linear.
+pub(super) fn nonlinear_estimator(world: &World) -> Option<&'static str> {
+    if world.sampling.has_linear_estimator() || !takes_estimate(world) {
+        return None;
+    }
+    Some(match world.sampling.estimator == EstimatorKind::Levant {
+        true => "levant follows no acceleration beyond its bound",
+        false => "FOAW changes its window",
+    })
+}
+
+/// Why no theorem covers the passivity of a loop with this estimator; `None` where one may.
+pub(super) fn outside_estimator(world: &World) -> Option<&'static str> {
+    match world.sampling.estimator {
+        _ if !takes_estimate(world) => None,
+        EstimatorKind::Kalman => Some(KALMAN),
+        EstimatorKind::Levant => Some(LEVANT),
+        EstimatorKind::Exact
+        | EstimatorKind::Difference
+        | EstimatorKind::LowPass
+        | EstimatorKind::Foaw
+        | EstimatorKind::FoawBest => None,
+    }
 }
 
 /// The properties of the device that the claim leaves out: counts and levels, at bodies and at the puck, and the motor's limit. `claimed`
@@ -99,7 +127,7 @@ pub(super) fn beyond(world: &World, timing: Timing, claimed: Option<f64>) -> Res
 fn estimator(world: &World) -> Option<String> {
     let sampling = &world.sampling;
     match sampling.estimator {
-        EstimatorKind::Foaw | EstimatorKind::FoawBest => changes_window(world).then(|| {
+        EstimatorKind::Foaw | EstimatorKind::FoawBest => nonlinear_estimator(world).map(|_| {
             format!(
                 "the {} estimator changes its window as the puck moves, and only the longest and the shortest were looked at: \
                  estimator = \"difference\" or \"low-pass\" has a proof",
@@ -125,7 +153,8 @@ fn estimator(world: &World) -> Option<String> {
                 )
             })
         }
-        EstimatorKind::Difference | EstimatorKind::LowPass => None,
+        // `outside_estimator` is the reason with the last two.
+        EstimatorKind::Difference | EstimatorKind::LowPass | EstimatorKind::Kalman | EstimatorKind::Levant => None,
     }
 }
 

@@ -15,7 +15,8 @@ use crate::passivity::required::{
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
 use crate::theorems::assumptions::{
-    BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy, outside_recentre, within_friction,
+    BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy, outside_estimator, outside_recentre,
+    within_friction,
 };
 use crate::theorems::{
     ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, RECENTRE, TWO_RATES, Theorem,
@@ -82,6 +83,9 @@ pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Dema
     if world.sampling.recentre.is_some() {
         return recentred(world, timing);
     }
+    if let Some(why) = outside_estimator(world) {
+        return Ok(Demanded::outside(why));
+    }
     // With a limit it gives the same energy in every turn of a hand that is slow and small; but friction of more than the limit takes that.
     if world.couplings.iter().any(integrates) {
         let most: f64 = world.couplings.iter().filter(|c| integrates(c)).map(laws::most).sum();
@@ -111,6 +115,10 @@ pub(super) fn estimate(world: &World, timing: Timing, wanted: Wanted) -> Result<
     let mut worst: Option<Demand> = None;
     let mut world = world.clone();
     world.sampling.recentre = None;
+    // In small motions it is the difference.
+    if world.sampling.estimator == EstimatorKind::Levant {
+        (world.sampling.estimator, world.sampling.every) = (EstimatorKind::Difference, 1);
+    }
     let world = &world;
     for slopes in combinations(&piecewise(&world.couplings)) {
         let couplings = straightened(world, &slopes)?;
@@ -130,7 +138,9 @@ pub(super) fn estimate(world: &World, timing: Timing, wanted: Wanted) -> Result<
 /// The frequency that requires the most damping where nonlinear couplings have their steepest slopes: theorems on them give no frequency.
 /// `None` for a linear world, and where there is no such number.
 pub(super) fn steepest_at_hz(world: &World, timing: Timing) -> Result<Option<Option<f64>>, Error> {
-    let is_known = !world.couplings.iter().any(is_nonlinear) || world.couplings.iter().any(integrates);
+    let is_known = !world.couplings.iter().any(is_nonlinear)
+        || world.couplings.iter().any(integrates)
+        || outside_estimator(world).is_some();
     if is_known {
         return Ok(None);
     }

@@ -17,7 +17,7 @@ use crate::stability::Verdict;
 use crate::stability::free::free_growth;
 use crate::stability::patterns::{Pattern, even, have_common_form, search};
 use crate::text::time;
-use crate::theorems::assumptions::changes_window;
+use crate::theorems::assumptions::nonlinear_estimator;
 use crate::theorems::stable::winds_up;
 use crate::theorems::{Claimed, FREE_FORM, FREE_LINEAR, FREE_PASSIVE, Theorem};
 
@@ -146,10 +146,10 @@ impl FreePatterns {
         let growth = free_growth(world)?;
         let grows = Verdict::of(growth) == Verdict::Unstable;
         if timing.is_even() {
-            return Ok(match (grows, changes_window(world)) {
+            return Ok(match (grows, nonlinear_estimator(world)) {
                 (true, _) => FreePatterns::broken(even(world, growth)),
-                (false, true) => FreePatterns::open("FOAW changes its window, and no proof covers the changes"),
-                (false, false) => FreePatterns::by("eigenvalues", &FREE_LINEAR),
+                (false, Some(why)) => FreePatterns::open(format!("{why}, and no proof covers that")),
+                (false, None) => FreePatterns::by("eigenvalues", &FREE_LINEAR),
             });
         }
         let even = grows.then(|| even(world, growth));
@@ -160,7 +160,7 @@ impl FreePatterns {
         if sampling.bodies_every > 1 {
             return Ok(FreePatterns::open("patterns are searched in loops whose bodies step at every sample"));
         }
-        let found = search(world, !changes_window(world))?;
+        let found = search(world, nonlinear_estimator(world).is_none())?;
         let worse = found.grows.into_iter().chain(even).max_by(|a, b| a.growth_per_s.total_cmp(&b.growth_per_s));
         if let Some(pattern) = worse.filter(|pattern| pattern.growth_per_s > MARGINAL) {
             return Ok(FreePatterns::broken(pattern));
@@ -172,9 +172,9 @@ impl FreePatterns {
                 time(least),
                 time(longest)
             )),
-            None if changes_window(world) => {
-                FreePatterns::open("FOAW changes its window; no pattern that was tried makes its shortest window grow")
-            }
+            None if let Some(why) = nonlinear_estimator(world) => FreePatterns::open(format!(
+                "{why}; no pattern that was tried makes its shortest window, or small motions, grow"
+            )),
             None if Verdict::of(growth) == Verdict::Marginal => FreePatterns::open(
                 "a motion of the loop neither grows nor decays at even samples; no pattern that was tried makes it grow",
             ),
@@ -196,8 +196,8 @@ fn of_laws(world: &World, timing: Timing) -> Result<FreePatterns, Error> {
     if !timing.is_even() {
         return open("no proof covers them under uneven time");
     }
-    if changes_window(world) || world.sampling.bodies_every > 1 {
-        return open("no proof covers them with FOAW, or with bodies that step at every n-th sample");
+    if nonlinear_estimator(world).is_some() || world.sampling.bodies_every > 1 {
+        return open("no proof covers them with FOAW or levant, or with bodies that step at every n-th sample");
     }
     let Some(worlds) = corners(world) else {
         return open(

@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::passivity::within::beyond_least_friction;
 use crate::stability::free::free_growth;
 use crate::stability::{Stability, Verdict};
-use crate::theorems::assumptions::{changes_window, may_saturate};
+use crate::theorems::assumptions::{may_saturate, nonlinear_estimator};
 use crate::theorems::{Claimed, FREE_LINEAR, FREE_PASSIVE, HELD_ENERGY, HELD_LINEAR};
 
 fn has_nonlinear_bodies(world: &World) -> bool {
@@ -16,13 +16,13 @@ fn has_nonlinear_bodies(world: &World) -> bool {
 }
 
 /// Whether eigenvalues decide how the puck moves. They do not with nonlinear laws, gravity or cogging, friction that changes with the
-/// position or the speed, stops, a window that changes, an origin that slips, an integral term that winds up, or an uncertain inertia.
+/// position or the speed, stops, an estimator that is not linear, an origin that slips, an integral term that winds up, or an uncertain inertia.
 fn is_linear(world: &World) -> bool {
     world.device.is_plain()
         && world.device.tolerances.inertia == 0.0
         && world.sampling.recentre.is_none()
         && !world.couplings.iter().any(is_nonlinear)
-        && !changes_window(world)
+        && nonlinear_estimator(world).is_none()
         && !winds_up(world)
 }
 

@@ -102,7 +102,11 @@ fn has_mean_velocity(world: &World, damping: f64) -> bool {
         // With bodies, the energy theorem does not cover a difference over several samples.
         EstimatorKind::Difference => world.sampling.every == 1 || world.bodies.is_empty(),
         EstimatorKind::LowPass => !world.couplings.iter().any(is_nonlinear),
-        EstimatorKind::Exact | EstimatorKind::Foaw | EstimatorKind::FoawBest => false,
+        EstimatorKind::Exact
+        | EstimatorKind::Foaw
+        | EstimatorKind::FoawBest
+        | EstimatorKind::Kalman
+        | EstimatorKind::Levant => false,
     }
 }
 
@@ -152,7 +156,12 @@ fn polynomial(world: &World, timing: Timing, [stiffness, damping]: [f64; 2]) -> 
     let period = timing.period;
     let tau = match world.sampling.estimator {
         EstimatorKind::LowPass => world.sampling.cutoff.map_or(0.0, |cutoff| 1.0 / (std::f64::consts::TAU * cutoff)),
-        EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::Foaw | EstimatorKind::FoawBest => 0.0,
+        EstimatorKind::Exact
+        | EstimatorKind::Difference
+        | EstimatorKind::Foaw
+        | EstimatorKind::FoawBest
+        | EstimatorKind::Kalman
+        | EstimatorKind::Levant => 0.0,
     };
     let filter = 4.0 * tau * (tau + period) / (period * period);
     let parts = Parts {

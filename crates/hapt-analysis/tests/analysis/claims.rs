@@ -111,12 +111,13 @@ proptest! {
     fn an_answer_does_not_contradict_itself(
         bench in worlds(Dampers::Fixed, false), x in 0.01..1.9f64, late in prop_oneof![Just(0.0), 0.0..3.0f64], share in 0.0..2.0f64,
         method in select(Method::ALL.to_vec()), output in select(vec![Output::Start, Output::Middle, Output::End]),
-        estimator in select(vec![EstimatorKind::Exact, EstimatorKind::Difference, EstimatorKind::Foaw]),
+        estimator in select(vec![EstimatorKind::Exact, EstimatorKind::Difference, EstimatorKind::Foaw, EstimatorKind::Kalman, EstimatorKind::Levant]),
         wall_at in prop::option::of((any::<bool>(), 0.1..10.0f64, 0.0..1e-2f64)), longest in prop::option::of(1.0..2.0f64),
     ) {
         let period = x / fastest(&bench);
         let mut world = bench.world(method, output, period);
         (world.sampling.delay, world.sampling.estimator) = (Delay::Samples(late), estimator);
+        (world.sampling.cutoff, world.sampling.acceleration) = (Some(0.05 / period), Some(1.0));
         world.sampling.interval_max = longest.map(|longest| longest * period);
         if let Some((at_body, stiffness, damping)) = wall_at {
             world.couplings.push(wall(if at_body { End::Body(0) } else { End::Puck }, stiffness, damping, 0.1));

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use hapt_analysis::{Grip, Stability, Verdict, eigenvalues, free, gripped_growth};
 use hapt_core::{Loop, Puck, Spec};
 use hapt_model::{Coupling, Damping, End, Estimator, EstimatorKind, Law, Method, Output, Side, World};
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -69,7 +69,9 @@ impl Brute {
         let window = match sampling.estimator {
             EstimatorKind::Foaw | EstimatorKind::FoawBest => sampling.window as usize,
             EstimatorKind::Difference => sampling.every as usize,
-            EstimatorKind::Exact | EstimatorKind::LowPass => 1,
+            // The last position, the filter's, and T² times its acceleration.
+            EstimatorKind::Kalman => 3,
+            EstimatorKind::Exact | EstimatorKind::LowPass | EstimatorKind::Levant => 1,
         };
         let n = world.bodies.len();
         let samples = samples as usize;
@@ -99,6 +101,11 @@ impl Brute {
         match kind {
             EstimatorKind::Exact => exact,
             EstimatorKind::Difference => (z - older[n - 1]) / (n as f64 * t),
+            EstimatorKind::Levant => (z - older[0]) / t,
+            EstimatorKind::Kalman => {
+                let error = z - older[1] - t * last - 0.5 * older[2];
+                last + (older[2] + kalman(TAU * cutoff * t)[1] * error) / t
+            }
             EstimatorKind::LowPass => {
                 let tau = 1.0 / (TAU * cutoff);
                 (tau * last + z - older[0]) / (tau + t)
@@ -133,10 +140,18 @@ impl Brute {
         state.memory.last = Some(Puck { position: older[0], velocity: last });
         state.memory.filtered = filtered[0];
         for _ in 0..self.every {
+            let before = last;
             last = self.velocity(puck.0, puck.1, last, &older);
             let command = self.core.step(&mut state, puck.0, last).command;
-            older.insert(0, puck.0);
-            older.pop();
+            if let (EstimatorKind::Kalman, cutoff, _) = self.estimator {
+                let predicted = older[1] + self.period * before + 0.5 * older[2];
+                let [a, _, c] = kalman(TAU * cutoff * self.period);
+                let error = puck.0 - predicted;
+                older = vec![puck.0, predicted + a * error, older[2] + c * error];
+            } else {
+                older.insert(0, puck.0);
+                older.pop();
+            }
             flight.insert(0, command);
             let ages = if self.parts.len() == 2 { vec![self.samples + 1, self.samples] } else { vec![self.samples] };
             for (part, age) in self.parts.iter().zip(ages) {
@@ -178,6 +193,45 @@ impl Brute {
     }
 }
 
+/// The gains of the steady Kalman filter at x = 2π cutoff T, by the Riccati equation step by step: q T⁵/R = x⁶.
+fn kalman(x: f64) -> [f64; 3] {
+    let a = Matrix3::new(1.0, 1.0, 0.5, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
+    let q = Matrix3::new(0.05, 0.125, 1.0 / 6.0, 0.125, 1.0 / 3.0, 0.5, 1.0 / 6.0, 0.5, 1.0) * x.powi(6);
+    let (mut p, mut gain) = (q + Matrix3::identity(), Vector3::zeros());
+    for _ in 0..(100.0 / x) as usize + 100 {
+        let ahead = a * p * a.transpose() + q;
+        gain = ahead.column(0) / (ahead[(0, 0)] + 1.0);
+        p = ahead - gain * ahead.row(0);
+        p = 0.5 * (p + p.transpose());
+    }
+    gain.into()
+}
+
+proptest! {
+    /// The gains in closed form are those to which the Riccati equation settles.
+    #[test]
+    fn the_kalman_filter_is_the_steady_one_of_white_jerk(x in log_uniform(-2.0..1.5)) {
+        for (found, expected) in hapt_model::kalman_gains(x).into_iter().zip(kalman(x)) {
+            prop_assert!((found / expected - 1.0).abs() < 1e-9 + 1e-16 / x.powi(4), "{x}: {found} {expected}");
+        }
+    }
+}
+
+/// For a short period the filter is Butterworth's of third order, whose poles lie on a circle: the gains go to 2x, 2x², x³, at a long one to
+/// those of positions without noise.
+#[test]
+fn the_gains_have_their_limits() {
+    for x in [1e-9, 1e-6, 1e-4] {
+        let limits = [2.0 * x, 2.0 * x * x, x * x * x];
+        for (found, limit) in hapt_model::kalman_gains(x).into_iter().zip(limits) {
+            assert!((found / limit - 1.0).abs() < 2.0 * x, "{x}: {found} {limit}");
+        }
+    }
+    let most = hapt_model::kalman_gains(f64::INFINITY);
+    assert_eq!(most, hapt_model::kalman_gains(1e7));
+    assert!((most[0] - 1.0).abs() < 1e-12 && most[1] > 1.0 && most[2] > 1.0, "{most:?}");
+}
+
 /// All of `found`'s eigenvalues are eigenvalues of the real loop's map, and there are no others.
 fn agrees(found: &Stability, map: &DMatrix<f64>, what: &str) -> Result<(), TestCaseError> {
     let n = map.nrows();
@@ -212,7 +266,7 @@ fn loops() -> impl Strategy<Value = World> {
     let sampling = (
         0..8usize,
         0..3usize,
-        0..5usize,
+        0..EstimatorKind::ALL.len(),
         0..4u8,
         0.0..4.0f64,
         log_uniform(-3.0..0.0),
@@ -490,7 +544,8 @@ fn without_couplings_nothing_is_left_and_with_friction_the_puck_slows_down() {
     assert!((grows(&found) + 1.2e-3 / 6.4e-4).abs() < 1e-12);
     assert_eq!((found.verdict, found.critical_period_reason), (Verdict::Stable, Some("unbounded")));
     world.device.damping = 0.0;
-    for estimator in EstimatorKind::ALL {
+    // A Kalman filter keeps its own poles.
+    for estimator in EstimatorKind::ALL.into_iter().filter(|estimator| *estimator != EstimatorKind::Kalman) {
         world.sampling.estimator = estimator;
         let found = free(&world).unwrap();
         assert_eq!(ones(&found, 1e-3), 2);

@@ -327,8 +327,8 @@ proptest! {
         ];
         let mut world = Bench::of(laws).world(Method::Zoh, Output::End, 1e-3);
         world.sampling.estimator =
-            [EstimatorKind::LowPass, EstimatorKind::Difference, EstimatorKind::Foaw, EstimatorKind::LowPass][at];
-        world.sampling.cutoff = (at == 0).then_some(50.0);
+            [EstimatorKind::LowPass, EstimatorKind::Difference, EstimatorKind::Foaw, EstimatorKind::Kalman][at];
+        world.sampling.cutoff = Some(50.0);
         world.sampling.interval_max = uneven.then_some(1.5e-3);
         (world.device.inertia, world.device.damping, world.device.friction) = (1e-3, 0.01, limit + spare);
         let mut rest = world.clone();

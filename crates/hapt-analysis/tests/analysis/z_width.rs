@@ -116,7 +116,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases(24))]
 
     #[test]
-    fn every_edge_has_both_of_its_sides(log in -5.0..-1.0f64, delay in 0..5u32, kind in 0..5usize) {
+    fn every_edge_has_both_of_its_sides(log in -5.0..-1.0f64, delay in 0..5u32, kind in 0..EstimatorKind::ALL.len()) {
         let world = device(10f64.powf(log), 0.4 * f64::from(delay), EstimatorKind::ALL[kind]);
         let found = z_width(&world, 10).unwrap();
         let width = 1e-6;
@@ -150,7 +150,7 @@ proptest! {
         // Beyond its last damper no spring makes anything passive.
         for k in 0..20 {
             let k = f64::from(k) * found.edges[0].passive.unwrap() / 10.0;
-            prop_assert!(!is_passive(&world, k, found.passive_damping * (1.0 + 1e-6)), "{k}");
+            prop_assert!(!is_passive(&world, k, found.passive_damping * (1.0 + 1e-6) + 1e-12), "{k}");
         }
     }
 }

@@ -13,7 +13,7 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
     const IS_LINEAR: bool = false;
 
     /// The velocity from this position and those before.
-    fn estimate(&self, memory: &Memory<F, W>, position: F) -> F;
+    fn estimate(&self, memory: &mut Memory<F, W>, position: F) -> F;
 
     /// Every LuGre bristle over one period, with q̇ as it is at this sample held, and every integral by this sample.
     fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>);
@@ -48,7 +48,7 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, W> for Loop<F, B, C, W> {
     #[inline(always)]
-    fn estimate(&self, memory: &Memory<F, W>, position: F) -> F {
+    fn estimate(&self, memory: &mut Memory<F, W>, position: F) -> F {
         self.sensor.estimate(memory, position)
     }
 
@@ -110,7 +110,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
     const IS_LINEAR: bool = true;
 
     #[inline(always)]
-    fn estimate(&self, _: &Memory<F, W>, _: F) -> F {
+    fn estimate(&self, _: &mut Memory<F, W>, _: F) -> F {
         F::ZERO
     }
 

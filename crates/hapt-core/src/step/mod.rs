@@ -263,7 +263,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
     ) -> Sample<F> {
         let position = if X::IS_LINEAR { position } else { self.sensor.position(&mut state.memory, position) };
         let is_true = X::IS_LINEAR || self.sensor.velocity.is_none();
-        let velocity = if is_true { velocity } else { with.estimate(&state.memory, position) };
+        let velocity = if is_true { velocity } else { with.estimate(&mut state.memory, position) };
         let measured = Puck { position, velocity };
         let puck = if X::IS_LINEAR {
             measured

@@ -109,13 +109,15 @@ fn compiled(
     Loop::new(&spec).ok()
 }
 
-const ESTIMATORS: [Estimator; 6] = [
+const ESTIMATORS: [Estimator; 8] = [
     Estimator::Exact,
     Estimator::Difference,
     Estimator::LowPass { cutoff: 40.0 },
     Estimator::Foaw { window: 8 },
     Estimator::FoawBest { window: 5 },
     Estimator::DifferenceOver { every: 6 },
+    Estimator::Kalman { cutoff: 30.0 },
+    Estimator::Levant { acceleration: 20.0 },
 ];
 
 proptest! {

@@ -49,6 +49,10 @@ fn numbers_outside_their_ranges_are_refused() {
         assert!(matches!(refusal(&Spec { count: Some(bad), ..SPEC }), Some(Error::Value { what: "count", .. })));
         let estimator = Estimator::LowPass { cutoff: bad };
         assert!(matches!(refusal(&Spec { estimator, ..SPEC }), Some(Error::Value { what: "cutoff", .. })));
+        let estimator = Estimator::Kalman { cutoff: bad };
+        assert!(matches!(refusal(&Spec { estimator, ..SPEC }), Some(Error::Value { what: "cutoff", .. })));
+        let estimator = Estimator::Levant { acceleration: bad };
+        assert!(matches!(refusal(&Spec { estimator, ..SPEC }), Some(Error::Value { what: "acceleration", .. })));
     }
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
         let laws = [

@@ -324,3 +324,83 @@ fn of_any_bits(spec: Spec) {
         }
     }
 }
+
+proptest! {
+    /// The filter as its definition has it, with the gains that the core gives.
+    #[test]
+    fn kalman_is_its_equations(
+        positions in prop::collection::vec(-1.0_f64..1.0, 2..60), cutoff in 1.0_f64..1000.0, is_counted: bool,
+    ) {
+        let spec = Spec { count: is_counted.then_some(TAU / 500.0), ..EMPTY };
+        let measured = measure(&Spec { estimator: Estimator::Kalman { cutoff }, ..spec }, &positions);
+        let [alpha, beta, gamma] = hapt_core::kalman_gains(TAU * cutoff * 1e-3);
+        let t = 1e-3;
+        let (mut p, mut v, mut a) = (measured[0].0, 0.0, 0.0);
+        prop_assert_eq!(measured[0].1, 0.0);
+        for (z, velocity) in &measured[1..] {
+            let error = z - (p + t * v + 0.5 * t * t * a);
+            (p, v, a) = (z - error + alpha * error, v + t * a + beta / t * error, a + gamma / (t * t) * error);
+            prop_assert!((velocity - v).abs() < 1e-8 * (1.0 + v.abs()), "{velocity} {v}");
+        }
+    }
+
+    /// It follows a motion of constant acceleration without an error.
+    #[test]
+    fn kalman_follows_a_constant_acceleration(
+        (z, v, a) in (-1.0_f64..1.0, -10.0_f64..10.0, -100.0_f64..100.0), cutoff in 5.0_f64..400.0,
+    ) {
+        let at = |k: usize| { let t = 1e-3 * k as f64; z + v * t + 0.5 * a * t * t };
+        let samples = (30.0 / (1e-3 * cutoff)) as usize;
+        let positions: Vec<f64> = (0..=samples).map(at).collect();
+        let measured = measure(&Spec { estimator: Estimator::Kalman { cutoff }, ..EMPTY }, &positions);
+        let now = v + a * 1e-3 * samples as f64;
+        prop_assert!((measured[samples].1 - now).abs() < 1e-6 * (1.0 + now.abs() + a.abs()), "{} {now}", measured[samples].1);
+    }
+
+    /// As long as no change of the velocity is beyond 1.1 L T, Levant's differentiator is the difference, to the bit; and no change of its own
+    /// velocity ever is.
+    #[test]
+    fn levant_is_the_difference_of_motions_within_its_acceleration(
+        accelerations in prop::collection::vec(-1.0_f64..1.0, 2..200), acceleration in 1.0_f64..1e4,
+    ) {
+        let (mut v, mut z) = (0.0, 0.3);
+        let positions: Vec<f64> = accelerations.iter().map(|part| {
+            z += 1e-3 * v;
+            v += 1e-3 * acceleration * part;
+            z
+        }).collect();
+        let levant = measure(&Spec { estimator: Estimator::Levant { acceleration }, ..EMPTY }, &positions);
+        prop_assert_eq!(levant, measure(&Spec { estimator: Estimator::Difference, ..EMPTY }, &positions));
+    }
+
+    /// The implicit step solves its equation, whatever the positions are, and it arrives at a steady motion.
+    #[test]
+    fn levant_solves_its_equation_and_arrives(
+        positions in prop::collection::vec(-1.0_f64..1.0, 2..60), acceleration in 1.0_f64..1e6, speed in -5.0_f64..5.0,
+    ) {
+        let t = 1e-3;
+        let mut all = positions.clone();
+        let last = positions[positions.len() - 1];
+        // It brakes at 1.1 L from any speed that it has, and comes back from beyond.
+        let long = 100 + (4e3 * (20.0 / acceleration).sqrt() + 4e3 * 1e3 / acceleration) as usize;
+        all.extend((1..long).map(|k| last + speed * t * k as f64));
+        let levant = measure(&Spec { estimator: Estimator::Levant { acceleration }, ..EMPTY }, &all);
+        let (mut x, mut v) = (all[0], 0.0);
+        for (z, found) in &levant[1..] {
+            let before = x + t * v - z;
+            let change = (v - found) / (1.1 * acceleration * t);
+            prop_assert!(change.abs() <= 1.0 + 1e-9);
+            // e + 1.5 √L T √|e| sgn e + 1.1 L T² s = e₀
+            let e = if change.abs() < 1.0 - 1e-9 { 0.0 } else {
+                let rest = before.abs() - 1.1 * acceleration * t * t;
+                let pull = 1.5 * acceleration.sqrt() * t;
+                let root = 0.5 * ((pull * pull + 4.0 * rest.max(0.0)).sqrt() - pull);
+                change.signum() * root * root
+            };
+            let sum = e + 1.5 * acceleration.sqrt() * t * e.abs().sqrt() * change + 1.1 * acceleration * t * t * change;
+            prop_assert!((sum - before).abs() < 1e-9 * (1.0 + before.abs()), "{sum} {before}");
+            (x, v) = (z + e, *found);
+        }
+        prop_assert!((levant[levant.len() - 1].1 - speed).abs() < 1e-6 * (1.0 + speed.abs()), "{:?} {speed}", levant.last());
+    }
+}

@@ -59,6 +59,13 @@ typedef struct {
     /* The filtered position at the last sample. */
     hapt_real filtered;
 //end
+//if tracked
+    /* What the velocity's estimator makes of the positions so far. */
+    hapt_real tracked_position;
+//end
+//if kalman
+    hapt_real tracked_acceleration;
+//end
 //if ring
     /* The last counts or positions, a ring. */
     hapt_real count[HAPT_COUNTS];

@@ -73,11 +73,51 @@ static hapt_real hapt_counted(const hapt_world *world, hapt_state *state, hapt_r
 }
 
 //end
+//if kalman
+/* The steady Kalman filter of a constant acceleration: the velocity, and what it tracks, at a new position. */
+static hapt_real hapt_followed(const hapt_world *world, hapt_state *state, hapt_real position)
+{
+    const hapt_real velocity = state->last_velocity, acceleration = state->tracked_acceleration;
+    const hapt_real predicted = state->tracked_position + world->period * velocity + world->half_square * acceleration;
+    const hapt_real error = position - predicted;
+    state->tracked_position = predicted + world->of_position * error;
+    state->tracked_acceleration = acceleration + world->of_acceleration * error;
+    return velocity + world->period * acceleration + world->of_velocity * error;
+}
+
+//end
+//if levant
+/* Levant's differentiator with an implicit step: the velocity, and the position that follows, at a new position. Up to an error of `reach`
+ * the position follows at once; beyond, the velocity changes by the most that it may, and the root of the rest solves a quadratic
+ * equation. */
+static hapt_real hapt_followed(const hapt_world *world, hapt_state *state, hapt_real position)
+{
+    const hapt_real before = state->tracked_position, velocity = state->last_velocity;
+    const hapt_real error = before + world->period * velocity - position;
+    const hapt_real beyond = hapt_abs(error) - world->reach;
+    const hapt_real rest = beyond > (hapt_real)0 ? beyond : (hapt_real)0;
+    const hapt_real sign = error > (hapt_real)0 ? (hapt_real)1 : (hapt_real)-1;
+    const hapt_real root = (hapt_real)2 * rest / (world->pull + hapt_sqrt(world->pull * world->pull + (hapt_real)4 * rest));
+    state->tracked_position = position + sign * root * root;
+    return beyond > (hapt_real)0 ? velocity - sign * world->change : (position - before) * world->sample_rate;
+}
+
+//end
 //if !exact
 /* The velocity from this position and those before, in @u.velocity@. */
+//if tracked
+static hapt_real hapt_estimate(const hapt_world *world, hapt_state *state, hapt_real position)
+//else
 static hapt_real hapt_estimate(const hapt_world *world, const hapt_state *state, hapt_real position)
+//end
 {
     if (!state->has_last) {
+//if tracked
+        state->tracked_position = position;
+//end
+//if kalman
+        state->tracked_acceleration = (hapt_real)0;
+//end
         return (hapt_real)0;
     }
 //if difference
@@ -85,6 +125,9 @@ static hapt_real hapt_estimate(const hapt_world *world, const hapt_state *state,
 //end
 //if low_pass
     return world->keep * state->last_velocity + world->gain * (position - state->last_position);
+//end
+//if tracked
+    return hapt_followed(world, state, position);
 //end
 //if foaw
     (void)position;

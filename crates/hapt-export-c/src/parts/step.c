@@ -347,6 +347,12 @@ void hapt_state_init(hapt_state *state)
 //if filter
     state->filtered = (hapt_real)0;
 //end
+//if tracked
+    state->tracked_position = (hapt_real)0;
+//end
+//if kalman
+    state->tracked_acceleration = (hapt_real)0;
+//end
 //if ring
     for (i = 0; i < HAPT_COUNTS; i++) {
         state->count[i] = (hapt_real)0;

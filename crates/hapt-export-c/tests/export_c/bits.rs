@@ -11,7 +11,9 @@ use hapt_export_c::{About, Float, Prefix, export};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, TestRunner};
 
-use crate::compiler::{ARM, AVR, BOARDS, Board, FREESTANDING, QEMU, SIMAVR, compile, compilers, has_avr, has_board};
+use crate::compiler::{
+    ARM, AVR, BOARDS, Board, FREESTANDING, QEMU, SANITIZERS, SIMAVR, compile, compilers, has_avr, has_board,
+};
 use crate::worlds::{World, world};
 
 pub const BODIES: usize = 8;
@@ -328,6 +330,80 @@ pub fn some(count: u64) -> usize {
 fn the_c_of_a_world_has_the_cores_bits() {
     for (i, worlds) in worlds(some(3)).chunks(8).enumerate() {
         agree(worlds, [Float::F32, Float::F64][i % 2], "gcc", &["-O2"]);
+    }
+}
+
+/// Each with an encoder and without, with a filter and without: Levant's differentiator for a hand that it follows, and for one that is
+/// too fast.
+#[test]
+fn estimators_that_track_the_position_have_the_cores_bits() {
+    let estimators = [
+        Estimator::Kalman { cutoff: 50.0 },
+        Estimator::Levant { acceleration: 30.0 },
+        Estimator::Levant { acceleration: 1e4 },
+    ];
+    let some = drawn(Method::ALL.len(), hapt_testing::cases_from(1, 1));
+    let mut worlds = Vec::new();
+    for estimator in estimators {
+        for count in [None, Some(1e-3)] {
+            for filter in [None, Some(40.0)] {
+                let world = some[worlds.len() % some.len()].clone();
+                worlds.push(World { estimator, count, filter, ..world });
+            }
+        }
+    }
+    for float in [Float::F32, Float::F64] {
+        agree(&worlds, float, "gcc", &["-O2"]);
+    }
+}
+
+/// Of any number that is not negative: subnormal ones, squares and their neighbours too.
+#[test]
+fn the_square_root_in_c_is_the_cores() {
+    let some = drawn(1, hapt_testing::cases_from(1, 1)).remove(0);
+    let world = World { estimator: Estimator::Levant { acceleration: 100.0 }, ..some };
+    let main = "#include \"ports.c\"\n#include \"w0.c\"\nint main(void) {\n    double x;\n    \
+                while (get(&x, sizeof x)) put(w0_sqrt((w0_real)x));\n    return 0;\n}\n";
+    for float in [Float::F32, Float::F64] {
+        let mut seed = 1;
+        let mut bits = || (random(&mut seed) * (1_u64 << 53) as f64) as u64;
+        let mut numbers = vec![0.0, -0.0, f64::INFINITY, f64::NAN];
+        for i in 0..100_000 {
+            // 63 bits: no sign.
+            let any = (bits() << 10) ^ bits();
+            match float {
+                Float::F32 => {
+                    let square = f32::from_bits((any >> 32) as u32).powi(2);
+                    let x = [any as u32 >> 1, any as u32 >> (9 + i % 23), square.to_bits(), square.to_bits() ^ 1];
+                    numbers.extend(x.map(|x| f64::from(f32::from_bits(x))));
+                }
+                Float::F64 => {
+                    let square = f64::from_bits(any).powi(2);
+                    let x = [any, any >> (11 + i % 52), square.to_bits(), square.to_bits() ^ 1];
+                    numbers.extend(x.map(f64::from_bits));
+                }
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let (source, header) = written(&world, 0, float);
+        for (name, text) in
+            [("w0.c", source.as_str()), ("w0.h", &header), ("ports.c", include_str!("desktop.c")), ("main.c", main)]
+        {
+            fs::write(folder.path().join(name), text).unwrap();
+        }
+        compile("gcc", &[&["-std=c99", "-o", "program", "main.c"], &SANITIZERS[..]].concat(), folder.path());
+        let input: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let output = run(folder.path(), &input);
+        assert_eq!(output.len(), input.len());
+        for (x, root) in numbers.iter().zip(output.chunks_exact(8)) {
+            let root = f64::from_le_bytes(root.try_into().unwrap());
+            let wanted = match float {
+                Float::F32 => f64::from((*x as f32).sqrt()),
+                Float::F64 => x.sqrt(),
+            };
+            let same = root.to_bits() == wanted.to_bits() || (root.is_nan() && wanted.is_nan());
+            assert!(same, "{float:?}: of {x:?} {root:?}, not {wanted:?}");
+        }
     }
 }
 

@@ -62,6 +62,8 @@ fn estimator() -> impl Strategy<Value = Estimator> {
         (1_u32..16).prop_map(|window| Estimator::Foaw { window }),
         (1_u32..16).prop_map(|window| Estimator::FoawBest { window }),
         (2_u32..16).prop_map(|every| Estimator::DifferenceOver { every }),
+        (5.0..300.0_f64).prop_map(|cutoff| Estimator::Kalman { cutoff }),
+        (1.0..4.0_f64).prop_map(|power| Estimator::Levant { acceleration: 10_f64.powf(power) }),
     ]
 }
 

@@ -65,7 +65,7 @@ pub fn bits(log: &mut Log<&[u8]>) -> Vec<Vec<u64>> {
 pub fn worlds() -> impl Strategy<Value = String> {
     let sampling = (
         prop::sample::select(vec!["zoh", "trapezoidal", "rk4", "tustin", "foh", "semi-implicit-euler"]),
-        prop::sample::select(vec!["exact", "difference", "low-pass", "foaw", "foaw-best"]),
+        prop::sample::select(vec!["exact", "difference", "low-pass", "foaw", "foaw-best", "kalman", "levant"]),
         prop::sample::select(vec!["0.5 ms", "1 ms", "3 ms"]),
         prop::sample::select(vec!["0 ms", "0.3 ms", "1 ms"]),
         prop::sample::select(vec![1, 1, 4]),
@@ -84,7 +84,7 @@ pub fn worlds() -> impl Strategy<Value = String> {
         let every = if bodies.is_empty() || ["tustin", "foh"].contains(&method) { 1 } else { every };
         let (encoder, levels, friction, limit, handle) = device;
         let mut text = format!(
-            "loop = {{ period = \"{period}\", method = \"{method}\", estimator = \"{estimator}\", cutoff = \"50 Hz\", delay = \"{delay}\", bodies_every = {every} }}\n\
+            "loop = {{ period = \"{period}\", method = \"{method}\", estimator = \"{estimator}\", cutoff = \"50 Hz\", acceleration = 1e3, delay = \"{delay}\", bodies_every = {every} }}\n\
              [device]\ninertia = \"6.4e-4 kg m^2\"\ndamping = \"1e-3 N m s/rad\"\nlimit = {limit:?}\n"
         );
         text += if encoder { "encoder = 4000\n" } else { "" };

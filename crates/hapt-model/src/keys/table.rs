@@ -36,7 +36,9 @@ pub(crate) const HANDLE: &str = "handle";
 /// The direction in which a drive turns.
 pub(crate) const DIRECTION: [&str; 2] = ["forward", "reverse"];
 
-use Measure::{Angle, Damping, Energy, Frequency, Inertia, Position, Ratio, Stiffness, Time, Torque, Velocity};
+use Measure::{
+    Acceleration, Angle, Damping, Energy, Frequency, Inertia, Position, Ratio, Stiffness, Time, Torque, Velocity,
+};
 use Presence::{Depends, Name, Number, Optional, Required};
 use Range::{Any, Positive, Share, ZeroOrMore};
 use Takes::{Ends, List, Quantity, QuantityOr, Table, Text, Whole};
@@ -68,8 +70,10 @@ pub const KEYS: &[Key] = &[
     key("loop.recentre", Quantity(Time, Positive), Optional,
         "While the puck rests for so long under a torque within the device's friction, the world's origin slips, with this time constant, to where its torque is 0; two periods at least. Absent: it stays.").within(1e-2, 60.0),
     key("loop.estimator", Takes::Name(EstimatorKind::NAMES), Name("exact"), "How the loop estimates the puck's velocity."),
-    key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimator low-pass"),
-        "The cutoff of the low-pass estimator.").within(0.5, 1e5),
+    key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimators low-pass and kalman"),
+        "The cutoff of the estimators low-pass and kalman.").within(0.5, 1e5),
+    key("loop.acceleration", Quantity(Acceleration, Positive), Depends("required with the estimator levant"),
+        "The largest acceleration that the estimator levant follows exactly.").within(1e-2, 1e7),
     key("loop.every", Whole { least: 1, most: 256, step: 1 }, Number(1.0),
         "The samples over which the estimator difference takes the velocity."),
     key("loop.window", Whole { least: 1, most: 256, step: 1 }, Number(16.0), "The largest window of the FOAW estimators, in samples."),

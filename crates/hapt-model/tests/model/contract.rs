@@ -126,6 +126,7 @@ fn what_is_absent_has_its_default() {
         recentre: None,
         estimator: EstimatorKind::Exact,
         cutoff: None,
+        acceleration: None,
         every: 1,
         window: 16,
     };

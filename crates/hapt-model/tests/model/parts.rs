@@ -18,7 +18,7 @@ const PARTS: [Part; 4] = [
         what: "estimator",
         file: "crates/hapt-model/src/kinds.rs",
         names: &["EstimatorKind", "Estimator", "Kind"],
-        words: &["foaw-best", "foawbest"],
+        words: &["levant"],
     },
     Part {
         what: "measure",

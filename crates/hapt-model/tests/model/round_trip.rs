@@ -125,7 +125,9 @@ fn sampling() -> impl Strategy<Value = Sampling> {
                 let output = if method.takes_new_sample_first() { Output::Start } else { output };
                 let advance = if output == Output::End && bodies_every == 1 { advance } else { 0 };
                 let bodies_every = if method.takes_new_sample_first() { 1 } else { bodies_every };
-                let cutoff = if estimator == EstimatorKind::LowPass { cutoff.or(Some(50.0)) } else { cutoff };
+                let filters = matches!(estimator, EstimatorKind::LowPass | EstimatorKind::Kalman);
+                let cutoff = if filters { cutoff.or(Some(50.0)) } else { cutoff };
+                let acceleration = (estimator == EstimatorKind::Levant).then_some(cutoff.unwrap_or(1e3));
                 let delay = if follows { Delay::Samples(delays) } else { Delay::Seconds(delays * period) };
                 let interval_max = longer.map(|longer| longer * period);
                 let delay_max = later.map(|(later, follows)| {
@@ -147,6 +149,7 @@ fn sampling() -> impl Strategy<Value = Sampling> {
                     recentre: recentre.map(|periods: f64| periods * period),
                     estimator,
                     cutoff,
+                    acceleration,
                     every,
                     window,
                 }

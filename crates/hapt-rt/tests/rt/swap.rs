@@ -13,12 +13,14 @@ use crate::common::{ScriptedDevice, armed, sample, spring};
 
 const METHODS: [&str; 8] =
     ["forward-euler", "backward-euler", "semi-implicit-euler", "trapezoidal", "zoh", "rk4", "tustin", "foh"];
-const ESTIMATORS: [&str; 5] = [
+const ESTIMATORS: [&str; 7] = [
     "estimator = \"exact\"\n",
     "estimator = \"difference\"\n",
     "estimator = \"low-pass\"\ncutoff = 50\n",
     "estimator = \"foaw\"\n",
     "estimator = \"foaw-best\"\nwindow = 9\n",
+    "estimator = \"kalman\"\ncutoff = 50\n",
+    "estimator = \"levant\"\nacceleration = 1000\n",
 ];
 /// The encoder's counts per radian: at 16 counts per ms a period of 0.5, 1 or 2 ms is a whole number of counts.
 const COUNTS: f64 = 4000.0 / std::f64::consts::TAU;

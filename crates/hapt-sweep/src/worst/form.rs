@@ -233,9 +233,8 @@ fn scaled(a: &[f64], factor: f64) -> Vec<f64> {
 /// every n-th sample, or where the hand is at a handle and not at the motor.
 fn about_rest(world: &World) -> Option<World> {
     let sampling = &world.sampling;
-    let changes = matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest) && sampling.window > 1;
     let is_linear = world.couplings.iter().all(|c| c.linear().is_some());
-    if !is_linear || changes || sampling.bodies_every > 1 || world.device.handle.is_some() {
+    if !is_linear || !sampling.has_linear_estimator() || sampling.bodies_every > 1 || world.device.handle.is_some() {
         return None;
     }
     let mut rest = world.clone();

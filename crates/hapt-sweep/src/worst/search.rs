@@ -8,7 +8,7 @@ use hapt_analysis::{
     BreakingGrip, Grip, MARGINAL, Slopes, Status, WorstGrip, breaking_damping, free_growth, gripped_growth,
     quick_check, worst_grip,
 };
-use hapt_model::{End, EstimatorKind, Scenario, World};
+use hapt_model::{End, Scenario, World};
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
@@ -243,10 +243,9 @@ fn is_smooth(world: &World) -> bool {
 /// Whether couplings and estimator are linear, so that the loop grows as the linear loop does: from any motion up to the motor's limit, or
 /// with friction and counts from a large one.
 fn grows_as_linear(world: &World) -> bool {
-    let changes = matches!(world.sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
     let is_unlimited = world.device.limit.is_none() && world.safety.overspeed.is_none();
     world.couplings.iter().all(|c| c.linear().is_some())
-        && !(changes && world.sampling.window > 1)
+        && world.sampling.has_linear_estimator()
         && (is_smooth(world) || is_unlimited)
 }
 

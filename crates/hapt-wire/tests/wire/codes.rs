@@ -146,7 +146,7 @@ fn the_code_of_each_method_output_and_estimator_is_what_it_always_was() {
     let outputs = codes!(Output { 0 => Start {}, 1 => Middle {}, 2 => End {}, });
     are_all(&outputs, &Output::ALL);
     are_on_the_wire(outputs);
-    let (cutoff, window, every) = (1.0, 16, 2);
+    let (cutoff, window, every, acceleration) = (1.0, 16, 2, 1.0);
     are_on_the_wire(codes!(Estimator {
         0 => Exact {},
         1 => Difference {},
@@ -154,6 +154,8 @@ fn the_code_of_each_method_output_and_estimator_is_what_it_always_was() {
         3 => Foaw { window },
         4 => FoawBest { window },
         5 => DifferenceOver { every },
+        6 => Kalman { cutoff },
+        7 => Levant { acceleration },
     }));
 }
 

@@ -52,6 +52,8 @@ fn worlds() -> impl Strategy<Value = Any> {
         any::<u32>().prop_map(|window| Estimator::Foaw { window }),
         any::<u32>().prop_map(|window| Estimator::FoawBest { window }),
         any::<u32>().prop_map(|every| Estimator::DifferenceOver { every }),
+        any::<f64>().prop_map(|cutoff| Estimator::Kalman { cutoff }),
+        any::<f64>().prop_map(|acceleration| Estimator::Levant { acceleration }),
     ];
     let body = (any::<f64>(), any::<f64>(), any::<f64>());
     let body = body.prop_map(|(inertia, position, velocity)| Body { inertia, position, velocity });

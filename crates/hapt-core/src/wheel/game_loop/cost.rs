@@ -30,7 +30,7 @@ impl<F: Real> HostTime<F> {
         let samples = self.lateness / self.hold;
         let a = samples - samples.floor();
         let q = one + two * samples;
-        self.hold * F::from_f64(0.25) * (q + root(q * q + two * two * a * (one - a)))
+        self.hold * F::from_f64(0.25) * (q + (q * q + two * two * a * (one - a)).sqrt())
     }
 }
 
@@ -89,13 +89,8 @@ impl<F: Real> Damper<F> {
         let Some((inertia, theta)) = self.reserve() else { return F::ZERO };
         let (cost, age) = (host.cost() + theta, host.oldest());
         let square = age * age * theta / (two * inertia);
-        let late = cost + root(cost * cost + two * two * square * damping);
+        let late = cost + (cost * cost + two * two * square * damping).sqrt();
         // The form of the root without a difference.
         if late > F::ZERO { (two * damping / late).finite_or_zero() } else { F::MAX }
     }
-}
-
-/// √x, correctly rounded.
-pub(super) fn root<F: Real>(x: F) -> F {
-    F::from_f64(libm::sqrt(x.to_f64()))
 }

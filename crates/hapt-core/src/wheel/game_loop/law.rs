@@ -6,7 +6,7 @@
 //! do not depend on the wheel's motion, of kerbs, engines and collisions, are residual, and a frame that is far outside of the others has
 //! little weight. A frame in which the wheel stands still is not used, so that the law is kept during a menu.
 
-use super::cost::{HostTime, root};
+use super::cost::HostTime;
 use crate::Real;
 use crate::contact::within;
 
@@ -264,7 +264,7 @@ impl<F: Real> Search<F> {
         let of_lag = |lag: usize| {
             let sums = memory.sums.get(lag).copied().unwrap_or(Sums { squares: F::ZERO, products: F::ZERO });
             if sums.squares > F::ZERO {
-                (-(sums.products / sums.squares), chance * root(smallest / (sums.squares * free)))
+                (-(sums.products / sums.squares), chance * (smallest / (sums.squares * free)).sqrt())
             } else {
                 (F::ZERO, F::MAX)
             }

@@ -171,7 +171,7 @@ proptest! {
         armed in -9.0..9.0_f64, counts in 1..9_u32, encoder in any::<bool>(), phase in -0.1..0.1_f64,
         estimator in prop::sample::select(vec![
             Estimator::Difference, Estimator::LowPass { cutoff: 50.0 }, Estimator::Foaw { window: 8 }, Estimator::FoawBest { window: 8 },
-            Estimator::DifferenceOver { every: 5 },
+            Estimator::DifferenceOver { every: 5 }, Estimator::Kalman { cutoff: 50.0 }, Estimator::Levant { acceleration: 100.0 },
         ]),
     ) {
         let count = 1e-3;

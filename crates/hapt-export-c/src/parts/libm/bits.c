@@ -1,8 +1,10 @@
+//if libm
 /* ---- sin, exp, expm1: the algorithms of FreeBSD's and musl's libm, to the bit ----
  * Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All rights reserved.
  * Developed at SunPro and SunSoft, Sun Microsystems, Inc. businesses. Permission to use, copy, modify, and distribute this
  * software is freely granted, provided that this notice is preserved. */
 
+//end
 /* gcc, clang and others define this in C++ too. */
 //if bits64
 typedef union {
