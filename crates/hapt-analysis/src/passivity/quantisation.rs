@@ -2,13 +2,14 @@
 //!
 //! The loop sees z + e, |e| ≤ Δ/2, and the motor rounds the torque to within half a step. Without bodies the sum of both is a
 //! torque on the puck of at most D = KΔ/2 + BΔ/T + step/2, whose work is at most D times the path. Coulomb friction of at least D
-//! dissipates as much. A difference over n samples has BΔ/(nT).
+//! dissipates as much. A difference over n samples has BΔ/(nT),
+//! a Kalman filter half the sum of its impulse response.
 //!
 //! At a body it is a torque D_i = K_iΔ/2 + B_iΔ/T, which the friction of the puck does not compensate. Over an energy-conserving step
 //! its work is at most D·|path|, and dampers C that the puck does not move dissipate at least pathᵀ C path/T. The difference is at
 //! most Dᵀ C⁻¹ D/4 times T. For one body with a damper B to ground that is a power of K²Δ²/(16 B).
 
-use hapt_model::{Coupling, End, Output, World};
+use hapt_model::{Coupling, End, EstimatorKind, Output, Sampling, World};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
@@ -18,6 +19,7 @@ use crate::equations::discrete::keeps_energy;
 use crate::equations::laws::{self, Kind};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
+use crate::passivity::kalman::count_error;
 use crate::passivity::within::beyond_friction;
 
 /// The stiffness that encoder and torque quantisation allow.
@@ -59,6 +61,22 @@ pub(crate) fn step(world: &World) -> f64 {
     }
 }
 
+/// The largest error of the velocity per count, 1/s. That of a difference, which the other estimators do not exceed.
+fn error_by_counts(sampling: &Sampling) -> f64 {
+    match sampling.estimator {
+        EstimatorKind::Kalman => {
+            let cutoff = sampling.cutoff.unwrap_or(f64::INFINITY);
+            count_error(std::f64::consts::TAU * cutoff * sampling.period) / sampling.period
+        }
+        EstimatorKind::Difference => 1.0 / (f64::from(sampling.every.max(1)) * sampling.period),
+        EstimatorKind::Exact
+        | EstimatorKind::LowPass
+        | EstimatorKind::Foaw
+        | EstimatorKind::FoawBest
+        | EstimatorKind::Levant => 1.0 / sampling.period,
+    }
+}
+
 /// The stiffness that encoder and torque quantisation allow (Abbott and Okamura, IEEE Trans. Robotics 21(5), 2005, with dampers and
 /// levels).
 ///
@@ -68,8 +86,7 @@ pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
     let [stiffness, damping] = at_puck(world, &world.couplings)?;
     let (device, period) = (&world.device, world.sampling.period);
     let (friction, step, count) = (beyond_friction(world).device.least_friction(), step(world), world.count());
-    let over = if world.sampling.takes_several_samples() { f64::from(world.sampling.every) } else { 1.0 };
-    let least_friction = count.map_or(0.0, |count| damping * count / (over * period)) + 0.5 * step;
+    let least_friction = count.map_or(0.0, |count| damping * count * error_by_counts(&world.sampling)) + 0.5 * step;
     let max_stiffness = (count.is_some() || step > 0.0).then(|| {
         let left = friction - least_friction;
         let by_friction = match count {
@@ -103,7 +120,7 @@ fn keeps_energy_on_time(world: &World) -> Result<bool, Error> {
 /// [`Error::NoSuchBody`], [`Error::InFlight`].
 pub(crate) fn count_power(world: &World) -> Result<Option<f64>, Error> {
     let (Some(count), n) = (world.count(), world.bodies.len()) else { return Ok(None) };
-    let over_several = world.sampling.takes_several_samples();
+    let over_several = world.sampling.takes_several_samples() || world.sampling.estimator == EstimatorKind::Kalman;
     let outside = |c: &Coupling| {
         matches!(Kind::of(c), Kind::Constant | Kind::Lugre)
             || (laws::at_body(c) && laws::at_puck(c) && laws::is_damped_wall(&c.law))

@@ -35,9 +35,9 @@ use crate::stability::{MARGINAL, Verdict};
 const FAR_APART: &str = "the rates of bodies, springs and dampers lie too far apart for double precision: a body that a huge damper holds is \
                          better written as ground, and a very light one left out";
 
-/// Why no theorem covers a damper with the Kalman filter.
-pub(crate) const KALMAN: &str = "a Kalman filter predicts the velocity with three states of its own, which no theorem on passivity covers: \
-                                 estimator = \"difference\" or \"low-pass\" has a proof";
+/// Why no theorem covers a velocity by the Kalman filter.
+pub(crate) const KALMAN: &str = "a velocity from a Kalman filter has a proof with dampers between puck and ground, without a delay or a lag: \
+                                 estimator = \"difference\" or \"low-pass\" has others";
 
 /// Whether a damper at the puck takes the velocity of a Kalman filter.
 fn is_kalman(world: &World, transfer: &TransferFunction) -> bool {

@@ -41,6 +41,10 @@ pub(super) const SATURATION: &str = "the motor's limit cuts the torque on the pu
 const AT_LIMIT: &str = "at the motor's limit the loop is not linear, and eigenvalues tell nothing of it: the couplings at the puck need \
      limits that together are no more than the motor's";
 
+/// A damper behind a Kalman filter is proved as long as nothing cuts its torque.
+const LIMITED_KALMAN: &str =
+    "the motor's limit cuts the torque, and dampers behind a Kalman filter have a proof only without that";
+
 /// A property of the device that a claim leaves out.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Omission {
@@ -193,6 +197,9 @@ fn limit(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Option<S
     }
     if !world.bodies.is_empty() {
         return Ok(Some(SATURATION.to_string()));
+    }
+    if outside_estimator(world).is_some() {
+        return Ok(Some(LIMITED_KALMAN.to_string()));
     }
     let bound = timing.of_laws(behind_filter(world, at_puck(world, &world.couplings)?))?;
     Ok(match claimed {

@@ -9,17 +9,18 @@ use crate::equations::laws;
 use crate::equations::laws::{Kind, is_nonlinear};
 use crate::equations::slopes::{at_puck, combinations, straightened};
 use crate::error::Error;
+use crate::passivity::kalman::overshoot;
 use crate::passivity::required::{
-    Cause, Requirement, largest_gain, late_requirement, linear_requirement_wanted, requirement_wanted,
+    Cause, KALMAN, Requirement, largest_gain, late_requirement, linear_requirement_wanted, requirement_wanted,
 };
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
 use crate::theorems::assumptions::{
     BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy, outside_estimator, outside_recentre,
-    within_friction,
+    takes_estimate, within_friction,
 };
 use crate::theorems::{
-    ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, RECENTRE, TWO_RATES, Theorem,
+    BEHIND_KALMAN, ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, RECENTRE, TWO_RATES, Theorem,
 };
 
 /// The demand of a theorem.
@@ -84,7 +85,8 @@ pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Dema
         return recentred(world, timing);
     }
     if let Some(why) = outside_estimator(world) {
-        return Ok(Demanded::outside(why));
+        let is_kalman = world.sampling.estimator == EstimatorKind::Kalman;
+        return if is_kalman { behind_kalman(world, timing, wanted) } else { Ok(Demanded::outside(why)) };
     }
     // With a limit it gives the same energy in every turn of a hand that is slow and small; but friction of more than the limit takes that.
     if world.couplings.iter().any(integrates) {
@@ -112,6 +114,10 @@ fn integrates(coupling: &Coupling) -> bool {
 
 /// The linear estimate of a world that no theorem covers: the worst over its flat and steep slopes.
 pub(super) fn estimate(world: &World, timing: Timing, wanted: Wanted) -> Result<Demand, Error> {
+    // Requirements at different frequencies give no estimate of their sum.
+    if world.sampling.estimator == EstimatorKind::Kalman && takes_estimate(world) && !is_kalman_alone(world) {
+        return Ok(Demand::Outside(KALMAN.into()));
+    }
     let mut worst: Option<Demand> = None;
     let mut world = world.clone();
     world.sampling.recentre = None;
@@ -243,6 +249,33 @@ fn without_delay(world: &World) -> World {
 /// (T35), (T39), (T42), (T45), (T46): everything is between puck and ground, linear or not.
 fn at_the_puck(world: &World, timing: Timing) -> Result<Demanded, Error> {
     Ok(Demanded::enough(timing.of_laws(felt(world, &world.couplings)?)?, &LAWS))
+}
+
+/// (T84): dampers between puck and ground behind a Kalman filter have a share of the device's damping of their own.
+fn behind_kalman(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error> {
+    let takes = |c: &Coupling| laws::at_puck(c) && laws::takes_velocity(&c.law);
+    // A compensating damper and its springs may fall into different groups.
+    let all: Vec<Coupling> = settled(&world.couplings, world.sampling.period);
+    let (dampers, others): (Vec<Coupling>, Vec<Coupling>) = all.into_iter().partition(takes);
+    if !timing.is_at_once() || dampers.iter().any(|c| laws::at_body(c) || is_nonlinear(c)) {
+        return Ok(Demanded::outside(KALMAN));
+    }
+    let [_, damping] = at_puck(world, &dampers)?;
+    let cutoff = world.sampling.cutoff.unwrap_or(f64::INFINITY);
+    let (part, angle) = overshoot(std::f64::consts::TAU * cutoff * timing.period);
+    let own = damping * part * timing.longest / timing.period;
+    let is_exact = timing.is_even() && is_kalman_alone(world) && !others.iter().any(is_nonlinear);
+    let rest = best(&World { couplings: others, ..world.clone() }, timing, shared(wanted, own))?;
+    let Demanded { demand: Demand::Enough { damping, at_hz, .. }, mut theorems } = rest else { return Ok(rest) };
+    theorems.push(&BEHIND_KALMAN);
+    let at_hz = if is_exact { Some(angle / (std::f64::consts::TAU * timing.period)) } else { at_hz };
+    Ok(Demanded { demand: Demand::Enough { damping: damping + own, at_hz, is_least: is_exact }, theorems })
+}
+
+/// Whether only springs and dampers at the puck, seen without a filter of the position, are with the Kalman filter: then the requirements add
+/// up at every frequency.
+fn is_kalman_alone(world: &World) -> bool {
+    world.bodies.is_empty() && world.sampling.filter.is_none()
 }
 
 /// (T80): the origin slips while the puck rests. Its own energy pays, so that the requirement is that of the energy theorem.

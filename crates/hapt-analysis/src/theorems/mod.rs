@@ -158,6 +158,16 @@ pub static RECENTRE: Theorem = Theorem {
     ],
 };
 
+/// Dampers behind a Kalman filter.
+pub static BEHIND_KALMAN: Theorem = Theorem {
+    id: "kalman",
+    equations: "(T84)",
+    assumes: &[
+        "only dampers between puck and ground take the velocity, by the steady Kalman filter of constant acceleration",
+        "the torque comes at once: no delay, no lag",
+    ],
+};
+
 /// Friction of the device, up to a speed.
 pub static FRICTION: Theorem = Theorem {
     id: "friction",

@@ -15,6 +15,7 @@ mod grip;
 mod handle;
 mod held;
 mod integral;
+mod kalman;
 mod passivity;
 mod patterns;
 mod published;
