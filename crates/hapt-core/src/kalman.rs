@@ -11,6 +11,8 @@
 /// noise (the B-spline of order 5), and the measurement's noise. The left side has one root w = -x² y below 0; the two others, of the sum
 /// s and the product p, give the factor λ² - (1 + r² - r √p) λ + r² with 2 (r + 1/r) = √p + √(16 - 4s + p). Nothing here subtracts
 /// numbers that are near each other, so that small x keep their digits.
+// Out of line: its numbers are not on the stack of what compiles a loop.
+#[inline(never)]
 pub fn kalman_gains(x: f64) -> [f64; 3] {
     // Beyond, they stay the same.
     let x = if x > 1e6 { 1e6 } else { x };

@@ -127,6 +127,7 @@ pub(crate) struct Kalman<F> {
 }
 
 impl<F: Number> Kalman<F> {
+    #[inline(never)]
     fn new(cutoff: f64, period: f64) -> Self {
         let [position, velocity, acceleration] = kalman_gains(core::f64::consts::TAU * cutoff * period);
         Kalman {
@@ -168,6 +169,7 @@ pub(crate) struct Levant<F> {
 }
 
 impl<F: Number> Levant<F> {
+    #[inline(never)]
     fn new(acceleration: f64, period: f64) -> Self {
         let change = 1.1 * acceleration * period;
         Levant {

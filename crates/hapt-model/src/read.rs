@@ -204,12 +204,7 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
     if let Some((key, message)) = sampling.fault() {
         return combination(key, message);
     }
-    let parameter = match estimator {
-        EstimatorKind::LowPass | EstimatorKind::Kalman => Some(("cutoff", sampling.cutoff)),
-        EstimatorKind::Levant => Some(("acceleration", sampling.acceleration)),
-        EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::Foaw | EstimatorKind::FoawBest => None,
-    };
-    if let Some((key, None)) = parameter {
+    if let Some((key, None)) = sampling.required() {
         return Err(fields.missing(key));
     }
     Ok(sampling)

@@ -166,6 +166,15 @@ impl Sampling {
         self.estimator == EstimatorKind::Difference && self.every > 1
     }
 
+    /// The key that the estimator requires, and its number.
+    pub(crate) fn required(&self) -> Option<(&'static str, Option<f64>)> {
+        match self.estimator {
+            EstimatorKind::LowPass | EstimatorKind::Kalman => Some(("cutoff", self.cutoff)),
+            EstimatorKind::Levant => Some(("acceleration", self.acceleration)),
+            EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::Foaw | EstimatorKind::FoawBest => None,
+        }
+    }
+
     /// Whether the velocity is a linear function of the positions: FOAW changes its window, and Levant's differentiator follows no more than
     /// its acceleration.
     pub fn has_linear_estimator(&self) -> bool {

@@ -12,10 +12,12 @@ pub(crate) fn overshoot(x: f64) -> (f64, f64) {
     // The gains stay the same beyond.
     let x = x.min(1e6);
     let [a, b, c] = kalman_gains(x);
-    // s = h u, in which the coefficients are of the size of 1 for small x.
+    // s = h u and the gains over x, x², x³, in which all coefficients are of the size of 1 for small x.
     let h = 0.25 * x * x;
-    let (first, second) = (c * (4.0 * a + 2.0 * b + c) - 4.0 * b * b, 8.0 * (b * (2.0 - a) - c));
-    let above = [-1.0, h * first / (c * c), h * h * second / (c * c)];
+    let (a, b, c) = (a / x, b / (x * x), c / (x * x * x));
+    let first = c * (4.0 * a + 2.0 * b * x + c * x * x) - 4.0 * b * b;
+    let second = b * (2.0 - a * x) - c * x;
+    let above = [-1.0, first / (4.0 * c * c), second / (2.0 * c * c)];
     let below = [1.0, -h, h * h * 2.0 / 15.0, 1.0];
     let mut slope = [0.0; 5];
     for (i, p) in above.iter().enumerate() {

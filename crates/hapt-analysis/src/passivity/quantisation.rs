@@ -61,20 +61,15 @@ pub(crate) fn step(world: &World) -> f64 {
     }
 }
 
-/// The largest error of the velocity per count, 1/s. That of a difference, which the other estimators do not exceed.
+/// The largest error of the velocity per count, 1/s: that of a difference, which no other estimator but a Kalman filter exceeds.
 fn error_by_counts(sampling: &Sampling) -> f64 {
-    match sampling.estimator {
-        EstimatorKind::Kalman => {
-            let cutoff = sampling.cutoff.unwrap_or(f64::INFINITY);
-            count_error(std::f64::consts::TAU * cutoff * sampling.period) / sampling.period
-        }
-        EstimatorKind::Difference => 1.0 / (f64::from(sampling.every.max(1)) * sampling.period),
-        EstimatorKind::Exact
-        | EstimatorKind::LowPass
-        | EstimatorKind::Foaw
-        | EstimatorKind::FoawBest
-        | EstimatorKind::Levant => 1.0 / sampling.period,
+    let Sampling { period, estimator, every, .. } = *sampling;
+    if estimator == EstimatorKind::Kalman {
+        let cutoff = sampling.cutoff.unwrap_or(f64::INFINITY);
+        return count_error(std::f64::consts::TAU * cutoff * period) / period;
     }
+    let over = if sampling.takes_several_samples() { f64::from(every) } else { 1.0 };
+    1.0 / (over * period)
 }
 
 /// The stiffness that encoder and torque quantisation allow (Abbott and Okamura, IEEE Trans. Robotics 21(5), 2005, with dampers and

@@ -264,6 +264,9 @@ fn behind_kalman(world: &World, timing: Timing, wanted: Wanted) -> Result<Demand
     let cutoff = world.sampling.cutoff.unwrap_or(f64::INFINITY);
     let (part, angle) = overshoot(std::f64::consts::TAU * cutoff * timing.period);
     let own = damping * part * timing.longest / timing.period;
+    if !own.is_finite() {
+        return Ok(Demanded::outside(KALMAN));
+    }
     let is_exact = timing.is_even() && is_kalman_alone(world) && !others.iter().any(is_nonlinear);
     let rest = best(&World { couplings: others, ..world.clone() }, timing, shared(wanted, own))?;
     let Demanded { demand: Demand::Enough { damping, at_hz, .. }, mut theorems } = rest else { return Ok(rest) };

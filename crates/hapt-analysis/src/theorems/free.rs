@@ -173,7 +173,7 @@ impl FreePatterns {
                 time(longest)
             )),
             None if let Some(why) = nonlinear_estimator(world) => FreePatterns::open(format!(
-                "{why}; no pattern that was tried makes its shortest window, or small motions, grow"
+                "{why}; no pattern that was tried makes the loop grow with its shortest window, or in small motions"
             )),
             None if Verdict::of(growth) == Verdict::Marginal => FreePatterns::open(
                 "a motion of the loop neither grows nor decays at even samples; no pattern that was tried makes it grow",

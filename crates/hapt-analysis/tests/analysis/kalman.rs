@@ -113,6 +113,21 @@ proptest! {
     }
 }
 
+/// For low cutoffs the requirement goes to that of Butterworth's filter, however low they are.
+#[test]
+fn the_lowest_cutoffs_require_what_butterworths_filter_does() {
+    // max over u of (2u² - 2u - 1)/(1 + u³)
+    let limit = (1..100_000).map(|i| f64::from(i) * 1e-4).map(|u| (2.0 * u * u - 2.0 * u - 1.0) / (1.0 + u * u * u));
+    let limit = limit.fold(0.0, f64::max);
+    for x in [1e-55, 1e-30, 1e-12, 1e-6, 1e-4] {
+        let mut world = world(x, 0.0, 1.0);
+        world.device.damping = 1e-9;
+        let required = passivity(&world).unwrap().required_damping.unwrap();
+        assert!((required / limit - 1.0).abs() < 1e-7 + x, "{x}: {required} {limit}");
+        assert_eq!(check(&world).unwrap().status, Status::Refuted);
+    }
+}
+
 /// What the theorem does not cover stays open or as the linear loop says.
 #[test]
 fn delays_lags_walls_and_bodies_behind_the_filter_are_not_claimed() {

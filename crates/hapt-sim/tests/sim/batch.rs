@@ -66,6 +66,7 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
     sampling.estimator = EstimatorKind::ALL[shape.below(EstimatorKind::ALL.len())];
     sampling.window = 1 + number.below(20) as u32;
     sampling.cutoff = Some(number.between(20.0, 200.0));
+    sampling.acceleration = Some(10_f64.powf(number.between(0.0, 4.0)));
     // Periods differ, and with them the rows; delays are the same number of samples in most lanes.
     sampling.period = if shape.chance(0.5) { 1e-3 } else { number.between(0.5e-3, 2e-3) };
     let samples = if shape.chance(0.5) { 0.0 } else { shape.below(4) as f64 };

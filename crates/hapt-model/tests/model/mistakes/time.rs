@@ -92,6 +92,18 @@ fn the_loop() {
             "loop.cutoff: missing; expected a frequency (Hz) above 0, such as \"50 Hz\"",
         ),
         (
+            "period = 1\nestimator = \"kalman\"",
+            "loop.cutoff: missing; expected a frequency (Hz) above 0, such as \"50 Hz\"",
+        ),
+        (
+            "period = 1\nestimator = \"levant\"\ncutoff = 50",
+            "loop.acceleration: missing; expected an angular acceleration (rad/s^2) above 0, such as \"10 rad/s^2\"",
+        ),
+        (
+            "period = 1\nacceleration = \"50 rad/s\"",
+            "loop.acceleration: \"50 rad/s\" is an angular velocity (rad/s); expected an angular acceleration (rad/s^2), such as \"10 rad/s^2\"",
+        ),
+        (
             "period = 1\ncutoff = \"50 rad/s\"",
             "loop.cutoff: \"50 rad/s\" is an angular velocity (rad/s); expected a frequency (Hz), such as \"50 Hz\"",
         ),
@@ -123,12 +135,12 @@ fn the_loop() {
         ("period = 1\npreiod = 1", "loop.preiod: unknown key; did you mean \"period\"?"),
         (
             "period = 1\ncolour = 1",
-            "loop.colour: unknown key; loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, filter, recentre, estimator, cutoff, every, window",
+            "loop.colour: unknown key; loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, filter, recentre, estimator, cutoff, acceleration, every, window",
         ),
         (
             "period = 1\ninertia = 1",
             "loop.inertia: unknown key here; it belongs in device; \
-             loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, filter, recentre, estimator, cutoff, every, window",
+             loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, filter, recentre, estimator, cutoff, acceleration, every, window",
         ),
     ];
     check(&table, |given| format!("[loop]\n{given}\n[device]\ninertia = 1\n"));
