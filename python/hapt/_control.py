@@ -64,9 +64,10 @@ def _estimator(part: dict[str, Any], period: float) -> tuple[Matrix, Matrix, Mat
     Kalman filter its position, velocity and acceleration."""
     if part["kalman"] is not None:
         predict = np.array([[1.0, period, period**2 / 2], [0.0, 1.0, period], [0.0, 0.0, 1.0]])
-        gain = np.array(part["kalman"], dtype=float) / period ** np.arange(3)
-        a = predict - np.outer(gain, predict[0])
-        b = np.column_stack([gain, np.zeros(3)])
+        gain = np.array(part["kalman"], dtype=float) / np.array([1.0, period, period**2])
+        a = predict - gain[:, None] @ predict[:1]
+        b = np.zeros((3, 2))
+        b[:, 0] = gain
         return a, b, np.vstack([np.zeros(3), a[1]]), np.array([[1.0, 0.0], [gain[1], 0.0]])
     taps, pole = np.array(part["taps"], dtype=float), float(part["pole"])
     if not len(taps):
