@@ -278,13 +278,13 @@ fn a_scenario_of_more_than_ten_thousand_million_samples_is_refused_wherever_it_g
         let args = ["--set".to_string(), format!("scenarios.step.duration={duration}")];
         refused(WHEEL, &[&args[0], &args[1]], &["hapt: scenarios.step.duration: ", "1e10", "--set:1:25"]);
     }
-    let short = ["--set", "loop.period=1 ns"];
+    let short = ["--set", "loop.period=1 ps"];
     refused(
         &WHEEL.replace("0.5 s", "20 s"),
         &["--set", "loop.period=1e-9"],
         &["scenarios.step.duration", "w.toml:20:12"],
     );
-    refused(WHEEL, &short, &["loop.period", "\"ns\""]);
+    refused(WHEEL, &short, &["loop.period", "\"ps\""]);
     // One scenario less does not change a check.
     hapt_reads(Path::new("."), WHEEL, ["check", "-", "--set", "scenarios.step.duration=9999999 s"]).done();
 }

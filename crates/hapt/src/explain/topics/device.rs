@@ -119,9 +119,8 @@ the worst pattern that was found with timing = { kind = "worst" }. In real time 
         text: r#"exact        the true velocity: a tachometer, and the default
 difference   (z_k - z_{k-1})/T: fast; one count is a jump of count/T; over `every` n, count/(nT)
 low-pass     the same through a filter with `cutoff`: smoother and later
-foaw         over the longest window that fits within one count: smooth at rest, fast in motion
-foaw-best    the best line over that window
-kalman       the steady Kalman filter of constant acceleration with `cutoff`: predicts, and overshoots
+foaw         over the longest window that fits within one count; foaw-best: the best line over it
+kalman       the steady Kalman filter of constant acceleration, with `cutoff`: it overshoots
 levant       the difference, as long as the velocity changes by no more than 1.1 `acceleration`
 `filter` is of the position: the world sees it behind one pole, late by 1/(2π filter).
 `recentre`: the world's origin slips to a puck that has rested for so long, held by friction.
