@@ -9,8 +9,19 @@ use hapt_sim::{DesktopSupervisor, Measures};
 use crate::keys::SettableKey;
 
 /// The keys of `[loop]` that may be set with a motor: they describe the program. The others describe the hardware.
-const SETTABLE: [&str; 10] =
-    ["period", "method", "output", "advance", "bodies_every", "filter", "estimator", "cutoff", "every", "window"];
+const SETTABLE: [&str; 11] = [
+    "period",
+    "method",
+    "output",
+    "advance",
+    "bodies_every",
+    "filter",
+    "estimator",
+    "cutoff",
+    "acceleration",
+    "every",
+    "window",
+];
 
 /// The file's device and its limits.
 #[derive(Clone, Debug)]

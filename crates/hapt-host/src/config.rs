@@ -336,6 +336,7 @@ fn message(error: &Error) -> String {
 mod tests {
     use super::*;
     use crate::testing::WHEEL;
+    use hapt_model::EstimatorKind;
 
     fn config() -> WorldConfig {
         let source = Source::from_text("wheel.toml", WHEEL);
@@ -517,6 +518,22 @@ mod tests {
         assert_eq!(start.world.sampling.output.name(), "start");
         // A choice that requires no other key sets none.
         assert_eq!(config.with("loop.method", "tustin").unwrap().sets().len(), 2);
+    }
+
+    #[test]
+    fn with_a_motor_attached_every_estimator_of_positions_can_be_chosen_and_come_back_to() {
+        let text = WHEEL.replace("[loop]", "[loop]\nestimator = \"difference\"");
+        let file = vec![Source::from_text("own.toml", text)];
+        let own = WorldConfig::of(file, Vec::new(), |_, _, _| Ok(())).unwrap();
+        let own = own.on("motor".into(), SafetyProfile::Uncertified).unwrap();
+        for name in EstimatorKind::NAMES {
+            let chosen = own.with("loop.estimator", name);
+            assert_eq!(chosen.is_ok(), *name != "exact", "{name}: {:?}", chosen.as_ref().err());
+            // With the keys that the choice set.
+            let Ok(chosen) = chosen else { continue };
+            let back = own.with_only(chosen.changes());
+            assert_eq!(back.map(|back| back.world), Ok(chosen.world), "{name}");
+        }
     }
 
     #[test]

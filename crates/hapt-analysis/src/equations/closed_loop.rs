@@ -420,7 +420,8 @@ impl<'a> ClosedLoop<'a> {
             row[estimate] -= if filter.pole == 0.0 { 1.0 } else { period * gains.iter().sum::<f64>() };
             d.set_row(estimate, &row);
         }
-        for i in 0..if filter.kalman.is_some() { 0 } else { memory } {
+        let displacements = if filter.kalman.is_some() { 0 } else { memory };
+        for i in 0..displacements {
             let mut row = if i == 0 { dz.clone() } else { self.unit(first_memory + i - 1) };
             row[first_memory + i] -= 1.0;
             d.set_row(first_memory + i, &row);

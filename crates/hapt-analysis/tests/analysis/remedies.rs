@@ -148,6 +148,19 @@ fn the_bare_spring_costs_half_its_stiffness_times_the_period() {
     assert!(found.stiffness_scale.unwrap() <= 0.6 && found.period_s.unwrap() <= 0.6e-3);
 }
 
+/// A file takes numbers up to 1e30: KT/2 beyond them is no remedy.
+#[test]
+fn a_remedy_is_a_number_that_a_file_takes() {
+    for (period, is_taken) in [(1.0, true), (10.0, false)] {
+        let file = format!(
+            "[loop]\nperiod = {period}\nestimator = \"difference\"\n[device]\ninertia = 1\n\
+             [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = 1e30\n"
+        );
+        let world = World::read(&Source::from_text("w.toml", file), &[]).unwrap();
+        assert_eq!(remedies(&world).unwrap().device_damping.is_some(), is_taken, "{period}");
+    }
+}
+
 #[test]
 fn a_torque_from_the_start_of_the_step_is_mended_by_its_end() {
     let world = wheel(&["loop.output=start".into()]);
