@@ -182,7 +182,7 @@ pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage 
     };
     let decided = |certified: bool, refuted: bool| (certified || refuted).then_some(certified);
     let sentence = |what, ok, text| Sentence { what, ok, text };
-    // Friction, which `free` leaves out, takes what makes it grow.
+    // Friction takes what makes it grow, or no position has its slopes.
     let is_undecided = check.free.verdict == Verdict::Unstable && !check.grows_free;
     let passive = &check.passivity;
     message.certified = check.certified.holds();

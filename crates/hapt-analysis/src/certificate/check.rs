@@ -49,7 +49,7 @@ pub struct Check {
     pub theorems: Vec<TheoremUse>,
     /// Conditions that apply to the numbers.
     pub notes: Vec<String>,
-    /// Whether the hands-off loop grows by more than torques that the device's friction takes.
+    /// Whether the hands-off loop grows at slopes that one position has, by more than torques that the device's friction takes.
     #[serde(skip)]
     pub grows_free: bool,
     /// How the puck leaves a place where gravity or cogging pushes it away.

@@ -146,9 +146,7 @@ impl Check {
                 "; the device's friction brings it to rest below {}",
                 with_unit(speed, Measure::Velocity, self.motion)
             ),
-            None if free.verdict == Verdict::Unstable && !self.grows_free => {
-                "; the device's friction takes what makes it grow".into()
-            }
+            None if free.verdict == Verdict::Unstable && !self.grows_free => format!("; {}", self.grows_nowhere()),
             None => String::new(),
         };
         pace(free, &swing) + &friction + &self.pushed()
@@ -159,7 +157,7 @@ impl Check {
         let found = &self.passivity;
         let Some(required) = found.required_damping else { return self.passivity_sentence() };
         let holds = found.is_certified();
-        if !holds && required <= found.device_damping {
+        if !holds && (required <= found.device_damping || !found.is_covered && !found.is_refuted) {
             return self.passivity_sentence();
         }
         let unit = Measure::Damping.dimension(self.motion).symbol();

@@ -148,9 +148,17 @@ impl Check {
                 with_unit(speed, Measure::Velocity, self.motion)
             ),
             None if self.free.verdict == Verdict::Unstable && !self.grows_free => {
-                format!("{sentence}; the device's friction, which this leaves out, takes what makes it grow")
+                format!("{sentence}; {}", self.grows_nowhere())
             }
             None => sentence,
+        }
+    }
+
+    /// Why eigenvalues that grow hands-off do not refute.
+    pub(super) fn grows_nowhere(&self) -> &'static str {
+        match self.passivity.is_within_friction {
+            true => "the device's friction, which this leaves out, takes what makes it grow",
+            false => "no position of the puck has these slopes together",
         }
     }
 
@@ -254,10 +262,11 @@ impl Check {
         if passive.holds() {
             return format!("passive against every passive hand{linear}: it requires a device damping of {requires}");
         }
-        if !is_covered && required <= device_damping {
+        if !is_covered && (required <= device_damping || !self.passivity.is_refuted) {
+            let nowhere = if required <= device_damping { "" } else { ", which no position of the puck has together" };
             return format!(
                 "not known to be passive: no theorem covers it, and the linear loop requires a device damping of {requires} at the worst of its \
-                 slopes"
+                 slopes{nowhere}"
             );
         }
         let more = short(required - device_damping);
@@ -300,10 +309,10 @@ impl Check {
         };
         let unit = Measure::Damping.dimension(self.motion).symbol();
         let (has, wanted) = (short(found.device_damping), short(required));
-        if !found.passive.holds() && required <= found.device_damping {
+        if !found.passive.holds() && (required <= found.device_damping || !found.is_covered) {
             return Some(format!(
-                "not known to be passive {all}: no theorem covers it, and the linear loop requires a device damping of {wanted} {unit}, of which \
-                 the device has {has} at least; {hands_off}"
+                "not known to be passive {all}: no theorem covers it, and the linear loop requires a device damping of {wanted} {unit}, and the \
+                 device has {has} at least; {hands_off}"
             ));
         }
         let verdict = if found.passive.holds() { "passive" } else { "not known to be passive" };

@@ -105,8 +105,7 @@ pub(crate) fn steepest(law: &Law) -> (f64, f64) {
         Law::Magnet { torque, width, .. } => (std::f64::consts::E.sqrt() * torque / width, 0.0),
         // It may fall more steeply than it rises: the steeper of both.
         Law::Texture { torque, pitch, ref waveform, .. } => {
-            let derivative = |(n, sine, cosine): (f64, f64, f64)| (n, -n * cosine, n * sine);
-            (std::f64::consts::TAU * torque / pitch * largest(waveform.harmonics().map(derivative)), 0.0)
+            (std::f64::consts::TAU * torque / pitch * largest(derivative(waveform.harmonics())), 0.0)
         }
         Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } => {
             (bristle_stiffness, bristle_damping + viscous)
@@ -115,24 +114,44 @@ pub(crate) fn steepest(law: &Law) -> (f64, f64) {
     }
 }
 
+/// The steepest rise that a texture shows somewhere, where its torque is below its limit; 0 of other laws. [`steepest`] is no less.
+pub(crate) fn steepest_rise(coupling: &Coupling) -> f64 {
+    let Law::Texture { torque, pitch, ref waveform, .. } = coupling.law else { return 0.0 };
+    let limit = coupling.limit.unwrap_or(f64::INFINITY);
+    let is_free = |i: usize| torque * around(waveform.harmonics(), i).abs() < limit;
+    // The texture pushes along its waveform, and so resists where it falls.
+    let rises = (0..POINTS).filter(|&i| is_free(i)).map(|i| -around(derivative(waveform.harmonics()), i));
+    std::f64::consts::TAU * torque / pitch * rises.fold(0.0, f64::max)
+}
+
+/// Points of a circle at which a waveform is evaluated.
+const POINTS: usize = 2048;
+
+/// The harmonics of the derivative.
+fn derivative(
+    harmonics: impl Iterator<Item = (f64, f64, f64)> + Clone,
+) -> impl Iterator<Item = (f64, f64, f64)> + Clone {
+    harmonics.map(|(n, sine, cosine)| (n, -n * cosine, n * sine))
+}
+
+/// Σ (sine sin nθ + cosine cos nθ) at the point `i`.
+fn around(harmonics: impl Iterator<Item = (f64, f64, f64)>, i: usize) -> f64 {
+    // A check evaluates it hundreds of times, and n times a point of this circle is again one of its points.
+    static CIRCLE: LazyLock<Vec<(f64, f64)>> =
+        LazyLock::new(|| (0..POINTS).map(|i| (std::f64::consts::TAU / POINTS as f64 * i as f64).sin_cos()).collect());
+    let part = |(n, sine, cosine): (f64, f64, f64)| {
+        let (s, c) = CIRCLE[n as usize * i % POINTS];
+        sine * s + cosine * c
+    };
+    harmonics.map(part).sum()
+}
+
 /// A bound on the size of Σ (sine sin nθ + cosine cos nθ), at most 2^-14 above it. Between points h apart it rises above the larger by no
 /// more than (h/2)²/2 times its second derivative, which is at most N² times its own largest (Bernstein's inequality). The sizes of
 /// the harmonics, added, are a bound too, and of one harmonic the exact one.
 fn largest(harmonics: impl Iterator<Item = (f64, f64, f64)> + Clone) -> f64 {
-    const POINTS: usize = 2048;
-    // A check evaluates it hundreds of times, and n times a point of this circle is again one of its points.
-    static CIRCLE: LazyLock<Vec<(f64, f64)>> =
-        LazyLock::new(|| (0..POINTS).map(|i| (std::f64::consts::TAU / POINTS as f64 * i as f64).sin_cos()).collect());
-    let step = std::f64::consts::TAU / POINTS as f64;
-    let at = |i: usize| {
-        let part = |(n, sine, cosine): (f64, f64, f64)| {
-            let (s, c) = CIRCLE[n as usize * i % POINTS];
-            sine * s + cosine * c
-        };
-        harmonics.clone().map(part).sum::<f64>().abs()
-    };
-    let seen = (0..POINTS).map(at).fold(0.0, f64::max);
-    let curvature = (HARMONICS as f64 * step).powi(2) / 8.0;
+    let seen = (0..POINTS).map(|i| around(harmonics.clone(), i).abs()).fold(0.0, f64::max);
+    let curvature = (HARMONICS as f64 * std::f64::consts::TAU / POINTS as f64).powi(2) / 8.0;
     let added: f64 = harmonics.map(|(_, sine, cosine)| sine.hypot(cosine)).sum();
     added.min(seen / (1.0 - curvature))
 }

@@ -8,8 +8,8 @@ pub mod estimator;
 pub(crate) mod grip;
 pub(crate) mod laws;
 pub(crate) mod modal;
-
 pub(crate) mod port;
+pub(crate) mod positions;
 pub(crate) mod puck;
 pub(crate) mod shaft;
 pub(crate) mod slopes;

@@ -3,6 +3,7 @@
 use hapt_model::{Tolerances, World};
 
 use crate::equations::delay::Delay;
+use crate::equations::positions::at_positions;
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::quantisation::quantisation;
@@ -60,24 +61,24 @@ impl Claim {
         let mut reasons = outside(world);
         let mut is_covered = !is_estimate(world);
         let mut is_refuted = false;
-        let demand = match demanded.demand {
+        let (demand, is_estimated) = match demanded.demand {
             Demand::Outside(why) => {
                 reasons.push(why);
                 is_covered = false;
-                estimate(world, timing, wanted)?
+                (estimate(world, timing, wanted)?, true)
             }
-            demand @ (Demand::Enough { .. } | Demand::Never { .. }) => demand,
+            demand @ (Demand::Enough { .. } | Demand::Never { .. }) => (demand, false),
         };
         let (required, at_hz, cause) = match demand {
             Demand::Enough { damping, at_hz, is_least } => {
                 let required = rounded_requirement(device_damping, damping);
                 if required > device_damping {
-                    is_refuted = is_least || !is_covered || lacks(world, timing, wanted)?;
+                    is_refuted = is_least || lacks(world, timing, wanted, is_covered)?;
                 }
                 (Some(required), at_hz, None)
             }
             Demand::Never { cause, at_hz } => {
-                is_refuted = true;
+                is_refuted = !is_estimated || lacks(world, timing, wanted, is_covered)?;
                 (None, at_hz, Some(cause))
             }
             Demand::Outside(why) => {
@@ -149,16 +150,23 @@ impl Claim {
     }
 }
 
-/// Whether the linear loop lacks damping at some of the slopes: a sufficient bound that requires more is no refutation.
-fn lacks(world: &World, timing: Timing, wanted: Wanted) -> Result<bool, Error> {
-    Ok(match estimate(world, timing, wanted)? {
-        Demand::Enough { damping, .. } => {
-            let is_least = timing.is_even() && timing.lag[0] == timing.lag[1] || timing.is_at_once();
-            is_least && rounded_requirement(world.device.damping, damping) > world.device.damping
+/// Whether the linear loop lacks damping at slopes that the world has at one position: a sufficient bound that requires more is no refutation,
+/// and with theorems (`is_covered`) neither is the estimate of a timing that has no least damping.
+fn lacks(world: &World, timing: Timing, wanted: Wanted, is_covered: bool) -> Result<bool, Error> {
+    let has_least = timing.is_even() && timing.lag[0] == timing.lag[1] || timing.is_at_once();
+    for near in at_positions(world) {
+        let lacks = match estimate(&near, timing, wanted)? {
+            Demand::Enough { damping, .. } => {
+                (has_least || !is_covered) && rounded_requirement(world.device.damping, damping) > world.device.damping
+            }
+            Demand::Never { .. } => true,
+            Demand::Outside(_) => false,
+        };
+        if lacks {
+            return Ok(true);
         }
-        Demand::Never { .. } => true,
-        Demand::Outside(_) => false,
-    })
+    }
+    Ok(false)
 }
 
 /// (T66): the speed up to which friction makes up for missing damping; `None` where it does at none.

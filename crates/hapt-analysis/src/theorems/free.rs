@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::equations::continuous::settled;
 use crate::equations::laws::{self, is_nonlinear};
+use crate::equations::positions::at_positions;
 use crate::error::Error;
 use crate::passivity::timing::Timing;
 use crate::passivity::within::beyond_least_friction;
@@ -122,9 +123,11 @@ impl FreePatterns {
             ));
         }
         if !world.device.is_plain() {
-            let growth = free_growth(world)?;
-            if timing.is_even() && Verdict::of(growth) == Verdict::Unstable {
-                return Ok(FreePatterns::broken(even(world, growth)));
+            for near in at_positions(world).into_iter().filter(|_| timing.is_even()) {
+                let growth = free_growth(&near)?;
+                if Verdict::of(growth) == Verdict::Unstable {
+                    return Ok(FreePatterns::broken(even(world, growth)));
+                }
             }
             let device = &world.device;
             let what = match (device.torque.is_none(), device.stops.is_some(), device.changing_friction() > 0.0) {

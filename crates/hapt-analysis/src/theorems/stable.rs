@@ -1,9 +1,12 @@
 //! The claims that a loop is stable: held, and hands-off.
 
+use std::borrow::Cow;
+
 use hapt_model::World;
 
 use crate::equations::discrete::keeps_energy;
 use crate::equations::laws::{self, is_nonlinear};
+use crate::equations::positions::at_positions;
 use crate::error::Error;
 use crate::passivity::within::beyond_least_friction;
 use crate::stability::free::free_growth;
@@ -52,7 +55,8 @@ pub(crate) fn held_claim(world: &World, held: &Stability, passive: &Claimed) -> 
     Claimed::by(&[theorem]).when(is_stable && is_held_covered(world))
 }
 
-/// Whether the hands-off loop, found to be `free`, grows: by its eigenvalues, without the torques that the device's friction takes.
+/// Whether the hands-off loop, found to be `free`, grows: by its eigenvalues at slopes that the world has at one position, without the torques that
+/// the device's friction takes.
 ///
 /// # Errors
 /// As [`crate::free`].
@@ -60,8 +64,14 @@ pub(crate) fn grows(world: &World, free: &Stability) -> Result<bool, Error> {
     if free.verdict != Verdict::Unstable {
         return Ok(false);
     }
-    let Some(rest) = beyond_least_friction(world) else { return Ok(true) };
-    Ok(Verdict::of(free_growth(&rest)?) == Verdict::Unstable)
+    let rest = beyond_least_friction(world);
+    for near in at_positions(rest.as_ref().unwrap_or(world)) {
+        // What `free` has found.
+        if rest.is_none() && matches!(near, Cow::Borrowed(_)) || Verdict::of(free_growth(&near)?) == Verdict::Unstable {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// The claim that the hands-off loop, found to be `free`, does not grow; `passive` is the claim of passivity, `by_friction` whether it rests on

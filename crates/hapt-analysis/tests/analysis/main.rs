@@ -18,6 +18,7 @@ mod integral;
 mod kalman;
 mod passivity;
 mod patterns;
+mod positions;
 mod published;
 mod recentre;
 mod remedies;
