@@ -1,5 +1,7 @@
 //! The best of the fits from several starts.
 
+use rayon::prelude::*;
+
 use crate::explained::NOTHING;
 use crate::factor::{Free, without};
 use crate::fit::{Fit, fit};
@@ -35,7 +37,7 @@ pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fi
     let is_driven = record.is_driven();
     let with = |offset: bool| {
         let free = free(record, offset);
-        let fits = starts.iter().filter_map(|start| {
+        let fits = starts.par_iter().filter_map(|start| {
             // For motion in one direction a constant torque is the same as friction, which may then be below 0.
             let friction = start.friction - direction(record) * start.offset;
             let start = if offset { *start } else { Puck { offset: 0.0, friction, ..*start } };
@@ -69,9 +71,10 @@ pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fi
 
 /// The best fit with the other sign of the torque, where the record does not decide between the two.
 pub(crate) fn rival(record: &CancellableRecord<'_>, found: &Fit) -> Option<Fit> {
-    let starts = starts(record).into_iter().filter(|start| start.gain * found.puck.gain < 0.0);
+    let starts = starts(record).into_par_iter().filter(|start| start.gain * found.puck.gain < 0.0);
     let fits = starts.filter_map(|start| fit(record, start, found.free, found.first));
-    fits.filter(|fit| explains_as_well(record, fit, found)).min_by(|a, b| a.factor.squares.total_cmp(&b.factor.squares))
+    let fits: Vec<Fit> = fits.filter(|fit| explains_as_well(record, fit, found)).collect();
+    fits.into_iter().min_by(|a, b| a.factor.squares.total_cmp(&b.factor.squares))
 }
 
 /// Whether a fit has the other sign, and its squares are not certainly more.
@@ -119,7 +122,7 @@ fn among_delays(record: &CancellableRecord<'_>, found: &Fit, step: f64) -> Optio
     }
     let squares = |fit: &Fit| fit.factor.squares;
     let of_delay = |delay: f64| fit(record, Puck { delay, ..found.puck }, without(found.free, DELAY), found.first);
-    let delays = (-DELAYS..=DELAYS).map(|i| found.puck.delay + f64::from(i) * step * record.period());
+    let delays = (-DELAYS..=DELAYS).into_par_iter().map(|i| found.puck.delay + f64::from(i) * step * record.period());
     let mut around: Vec<Fit> = delays.filter_map(of_delay).collect();
     around.sort_by(|a, b| squares(a).total_cmp(&squares(b)));
     let fits = around.iter().take(LEADS).filter_map(|lead| fit(record, lead.puck, found.free, found.first));

@@ -3,6 +3,8 @@
 use std::cell::LazyCell;
 use std::cmp::Ordering;
 
+use rayon::prelude::*;
+
 use crate::best::{best, free, rival};
 use crate::bound::Bounded;
 use crate::device;
@@ -57,7 +59,7 @@ pub fn identify_until(
     record: &Record,
     known: &Known,
     by_torque: Option<&TorqueFit>,
-    stop: &dyn Fn() -> bool,
+    stop: &(dyn Fn() -> bool + Sync),
 ) -> Option<Result<Identified, Error>> {
     let result = identified(&CancellableRecord { record, stop }, known, by_torque);
     (!stop()).then_some(result)
@@ -299,7 +301,8 @@ fn again(record: &CancellableRecord<'_>, starts: &[Puck]) -> Vec<Puck> {
             Puck { damping: found.damping.max(0.0), friction: found.friction.max(0.0), ..found }
         })
     };
-    starts.iter().flat_map(|start| [lead(*start), lead(Puck { friction: 0.0, ..*start })]).collect()
+    let both: Vec<Puck> = starts.iter().flat_map(|start| [*start, Puck { friction: 0.0, ..*start }]).collect();
+    both.into_par_iter().map(lead).collect()
 }
 
 /// The best of the fits that start around one, with each number changed by up to this part of itself.

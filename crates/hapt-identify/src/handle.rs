@@ -81,7 +81,7 @@ pub fn identify_handle(record: &Record) -> Result<WithHandle, Error> {
 ///
 /// # Errors
 /// As [`identify_handle`].
-pub fn identify_handle_until(record: &Record, stop: &dyn Fn() -> bool) -> Result<WithHandle, Error> {
+pub fn identify_handle_until(record: &Record, stop: &(dyn Fn() -> bool + Sync)) -> Result<WithHandle, Error> {
     let found = search(&CancellableRecord { record, stop }, None)?.into_result()?;
     let shows = found.handle_inertia.low >= LEAST_HANDLE * found.inertia.value;
     if shows { Ok(found) } else { Err(Error::Rigid) }

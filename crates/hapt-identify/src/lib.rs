@@ -60,6 +60,7 @@ mod lagging;
 mod long_run;
 mod mat;
 mod misfit;
+mod multiples;
 mod noise;
 mod position;
 mod predicted;

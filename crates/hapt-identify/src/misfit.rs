@@ -2,7 +2,10 @@
 
 use std::f64::consts::TAU;
 
+use rayon::prelude::*;
+
 use crate::equation::{CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Solved, TorqueRows};
+use crate::multiples::Multiples;
 use crate::record::CancellableRecord;
 use crate::spectrum::line;
 use crate::start::velocities;
@@ -179,30 +182,30 @@ fn candidates(
     let begin = record.times()[0];
     let mut all: Vec<Candidate> = Vec::new();
     let weights = rows.weights(record);
-    // A list of values at every sample is large in a long record: one at a time.
-    let column = |value: &&dyn Fn(usize) -> f64| {
+    // A list of values at every sample is large in a long record: only those of one candidate at a time.
+    let column = |value: &&(dyn Fn(usize) -> f64 + Sync)| {
         let values: Vec<f64> = (0..positions.len()).map(value).collect();
         rows.means(&weights, &values)
     };
-    let mut add = |kind: Kind, searched: f64, values: &[&dyn Fn(usize) -> f64]| {
+    let mut add = |kind: Kind, searched: f64, values: &[&(dyn Fn(usize) -> f64 + Sync)]| {
         if (record.stop)() {
             return;
         }
-        all.push(Candidate { kind, columns: values.iter().map(column).collect(), searched, sign: None });
+        all.push(Candidate { kind, columns: values.par_iter().map(column).collect(), searched, sign: None });
     };
     let place = |i: usize| (positions[i] - middle) / travel;
     let gravity = (!is_linear && travel > TRAVEL).then_some(1);
-    let spring: [&dyn Fn(usize) -> f64; 3] = [&place, &|i| place(i).powi(2), &|i| place(i).powi(3)];
+    let spring: [&(dyn Fn(usize) -> f64 + Sync); 3] = [&place, &|i| place(i).powi(2), &|i| place(i).powi(3)];
     add(Kind::Position { times_a_turn: 0 }, 1.0, &spring[..if gravity.is_some() { 1 } else { 3 }]);
     // Over less than a period the number of periods is not determined, and the polynomial takes it in.
     let least = (TAU / travel).ceil().max(2.0) as u32;
+    let mut turned = Multiples::new(if is_linear { &[] } else { positions });
     for times in gravity.into_iter().chain(least..=MOST_TIMES).filter(|_| !is_linear) {
-        let n = f64::from(times);
-        let [sine, cosine] = [f64::sin, f64::cos].map(|wave| move |i: usize| wave(n * positions[i]));
+        let waves = turned.of(times);
         let searched = if times == 1 { 1.0 } else { f64::from(MOST_TIMES) };
-        add(Kind::Position { times_a_turn: times }, searched, &[&sine, &cosine]);
+        add(Kind::Position { times_a_turn: times }, searched, &[&|i| waves[i].x, &|i| waves[i].y]);
         if times <= MOST_RUBS && times >= least.min((TAU / travel).ceil() as u32) {
-            let against = [&|i| signs[i] * sine(i), &|i| signs[i] * cosine(i)] as [&dyn Fn(usize) -> f64; 2];
+            let against: [&(dyn Fn(usize) -> f64 + Sync); 2] = [&|i| signs[i] * waves[i].x, &|i| signs[i] * waves[i].y];
             add(Kind::FrictionByPosition { times_a_turn: times }, f64::from(MOST_RUBS), &against);
         }
     }

@@ -10,6 +10,7 @@ use nalgebra::{Matrix2, SMatrix, Vector2};
 use crate::factor::Square;
 use crate::fit::Fit;
 use crate::identified::PositionTorque;
+use crate::multiples::multiples;
 use crate::puck::PARAMETERS;
 use crate::record::Record;
 use crate::stretch::Stretch;
@@ -40,22 +41,9 @@ impl Shape {
         Shape { times_a_turn, dz, dv, across: SMatrix::zeros(), own: Matrix2::zeros(), right }
     }
 
-    fn weights(&self, z: f64) -> Vector2<f64> {
-        if self.times_a_turn == 0 {
-            return Vector2::new(-z, 0.0);
-        }
-        let (sin, cos) = (f64::from(self.times_a_turn) * z).sin_cos();
-        Vector2::new(sin, cos)
-    }
-
-    /// Integrates over a stretch of constant torque; a puck at rest stays at rest.
-    fn pass(&mut self, stretch: &Stretch, z: f64, moves: bool) {
-        if !moves {
-            self.dv = Vector2::zeros();
-            return;
-        }
+    /// Integrates over a stretch of constant torque.
+    fn pass(&mut self, stretch: &Stretch, weights: Vector2<f64>) {
         let ((z_of_v, v_of_v), (z_of_a, v_of_a)) = (stretch.of_velocity(), stretch.of_drive());
-        let weights = self.weights(z);
         self.dz += z_of_v * self.dv + z_of_a * weights;
         self.dv = v_of_v * self.dv + v_of_a * weights;
     }
@@ -98,7 +86,15 @@ pub(crate) fn position_torque(record: &Record, fit: &Fit, is_linear: bool) -> Op
         let (t, left) = (record.times()[i], record.positions()[i] - z);
         if let Some((then, from)) = before {
             let stretch = Stretch::new(fit.puck.damping, t - then);
-            shapes.iter_mut().for_each(|shape| shape.pass(&stretch, 0.5 * (from + z), z != from));
+            if z == from {
+                // A puck at rest stays at rest.
+                shapes.iter_mut().for_each(|shape| shape.dv = Vector2::zeros());
+            } else {
+                let middle = 0.5 * (from + z);
+                let mut weights = multiples(middle, most);
+                weights[0] = Vector2::new(-middle, 0.0);
+                shapes.iter_mut().zip(weights).for_each(|(shape, weights)| shape.pass(&stretch, weights));
+            }
         }
         before = Some((t, z));
         if record.is_news(i) {

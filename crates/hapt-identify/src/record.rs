@@ -28,7 +28,7 @@ const AT_REST: usize = 100;
 #[derive(Clone, Copy)]
 pub(crate) struct CancellableRecord<'a> {
     pub record: &'a Record,
-    pub stop: &'a dyn Fn() -> bool,
+    pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
 impl std::ops::Deref for CancellableRecord<'_> {

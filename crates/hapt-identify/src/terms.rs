@@ -6,9 +6,11 @@
 //! added.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::equation::{BLOCKS, CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, TorqueRows};
 use crate::interval::Interval;
+use crate::multiples::Multiples;
 use crate::quantile::student;
 use crate::record::CancellableRecord;
 use crate::start::velocities;
@@ -197,13 +199,13 @@ pub(crate) fn terms(
         own.iter().map(|term| rows.rows.iter().map(|row| row.terms[*term]).collect()).collect();
     let mut groups: Vec<Group> = Vec::new();
     let weights = rows.weights(record);
-    let mut add = |kind: TermKind, values: &[&dyn Fn(usize) -> f64]| {
+    let mut add = |kind: TermKind, values: &[&(dyn Fn(usize) -> f64 + Sync)]| {
         if (record.stop)() {
             return;
         }
         groups.push(Group { kind, columns: (columns.len()..columns.len() + values.len()).collect() });
-        // A list of values at every sample is large in a long record: one at a time.
-        columns.extend(values.iter().map(|value| {
+        // A list of values at every sample is large in a long record: only those of one term at a time.
+        columns.par_extend(values.par_iter().map(|value| {
             let values: Vec<f64> = (0..positions.len()).map(value).collect();
             rows.means(&weights, &values)
         }));
@@ -222,16 +224,17 @@ pub(crate) fn terms(
     // From this number of periods on, the torque repeats within the travel.
     let least = (PERIODS * std::f64::consts::TAU / (high - low).max(f64::MIN_POSITIVE)).ceil().max(2.0) as u32;
     let gravity = (high - low > TRAVEL).then_some(1);
+    let mut turned = Multiples::new(if is_linear { &[] } else { positions });
     for times in gravity.into_iter().chain(least..=MOST_TIMES).filter(|_| !is_linear) {
         let n = f64::from(times);
-        let [sine, cosine] = [f64::sin, f64::cos].map(|wave| move |z: f64| wave(n * z));
-        add(TermKind::Turn { times, phase: 0.0 }, &[&|i| sine(positions[i]), &|i| cosine(positions[i])]);
+        let waves = turned.of(times);
+        add(TermKind::Turn { times, phase: 0.0 }, &[&|i| waves[i].x, &|i| waves[i].y]);
         // Over less than a period its number of periods is not determined.
         if times <= MOST_RUBS && n * (high - low) >= PERIODS * std::f64::consts::TAU {
             let against = |i: usize| speeds[i].signum();
             add(
                 TermKind::FrictionByPosition { times, phase: 0.0 },
-                &[&|i| against(i) * sine(positions[i]), &|i| against(i) * cosine(positions[i])],
+                &[&|i| against(i) * waves[i].x, &|i| against(i) * waves[i].y],
             );
         }
     }

@@ -244,7 +244,7 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
 }
 
 /// The same, or `None` once `stop` is true.
-pub fn fit_torque_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -> Option<TorqueFit> {
+pub fn fit_torque_until(record: &Record, known: &Known, stop: &(dyn Fn() -> bool + Sync)) -> Option<TorqueFit> {
     fitted(&CancellableRecord { record, stop }, known, Errors::default())
 }
 
@@ -289,20 +289,24 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
     let by_delay = damping_at(finer).zip(damping_at(delay)).map_or(0.0, |(finer, there)| finer - there);
     drop((rows, weights));
     let torques = &delayed(record, delay);
-    let mut solved_bands: Vec<(Band, f64, Vec<Solved>)> = Vec::new();
-    for band in BANDS.into_iter().filter(|band| 4.0 * band.length < duration) {
-        if !goes_on() {
+    let of_band = |band: &Band| {
+        if !goes_on() || 4.0 * band.length >= duration {
             return None;
         }
-        let rows = TorqueRows::new(record, &signs, torques, band).with_errors(errors);
+        let rows = TorqueRows::new(samples, &signs, torques, *band).with_errors(errors);
         if rows.rows.len() < 4 * TERMS {
-            continue;
+            return None;
         }
-        let solved: Vec<Solved> =
-            models.iter().take_while(|_| goes_on()).filter_map(|model| rows.solved(*model, duration)).collect();
-        if !solved.is_empty() {
-            solved_bands.push((band, rows.noise_part(), solved));
-        }
+        let solved = models.iter().take_while(|_| goes_on()).filter_map(|model| rows.solved(*model, duration));
+        let solved: Vec<Solved> = solved.collect();
+        (!solved.is_empty()).then(|| (*band, rows.noise_part(), solved))
+    };
+    let (mut solved_bands, rows): (Vec<(Band, f64, Vec<Solved>)>, TorqueRows) = rayon::join(
+        || BANDS.par_iter().filter_map(of_band).collect(),
+        || TorqueRows::new(samples, &signs, torques, band_shown).with_errors(errors),
+    );
+    if !goes_on() {
+        return None;
     }
     let least = |solved: &[Solved]| solved.iter().map(|model| model.share).fold(f64::INFINITY, f64::min);
     let good = |(_, noise, solved): &(Band, f64, Vec<Solved>)| *noise < NOISY && least(solved) < LEFT;
@@ -334,7 +338,6 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
     let inertia = of(INERTIA, true)?;
     let sign = if inertia.value < 0.0 { -1.0 } else { 1.0 };
     let deviation = inertia.variance.sqrt();
-    let rows = TorqueRows::new(record, &signs, torques, band_shown).with_errors(errors);
     let plain = rows.solved(plain_terms, duration)?;
     // Motion of one frequency does not separate an inertia from a spring, nor from a hand.
     let is_apart = rows.solved(spring_terms, duration).is_some();

@@ -94,7 +94,7 @@ pub fn against_until(
     record: &Record,
     claims: &Claims,
     is_linear: bool,
-    stop: &dyn Fn() -> bool,
+    stop: &(dyn Fn() -> bool + Sync),
 ) -> Option<Result<Comparison, Error>> {
     let result = compared(&CancellableRecord { record, stop }, claims, is_linear);
     (!stop()).then_some(result)

@@ -1,5 +1,7 @@
 //! The device that the torque's equation shows away from the ends of its travel.
 
+use rayon::prelude::*;
+
 use super::field::HARMONICS;
 use super::parameters::{
     CHANGES, COGGING, DAMPING, Device, FRICTION, Free, GRAVITY, INERTIA, LATE, OFFSET, PARAMETERS, Parameters, Places,
@@ -44,12 +46,13 @@ fn inside(record: &CancellableRecord<'_>, part: f64, model: Mask) -> Option<Insi
     let limits = [low + margin, high - margin];
     let signs = signs(record);
     let duration = record.period() * record.times().len() as f64;
-    let windows = WINDOWS.map(|length| {
+    let window = |length: f64| {
         let rows =
             TorqueRows::new(record, &signs, record.torques(), Band { length, slope: false }).between(record, limits);
         let weights = rows.weights(record);
         (rows, weights)
-    });
+    };
+    let windows: Vec<_> = WINDOWS.into_par_iter().map(window).collect();
     let solved = |delay: f64| {
         let torques = delayed(record, delay);
         windows.iter().find_map(|(rows, weights)| {
@@ -58,9 +61,12 @@ fn inside(record: &CancellableRecord<'_>, part: f64, model: Mask) -> Option<Insi
             Some((rows, solved))
         })
     };
-    let delays = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).take_while(|_| !(record.stop)());
-    let all = delays.filter_map(|delay| Some((delay, solved(delay)?)));
-    let (delay, (rows, solved)) = all.min_by(|a, b| a.1.1.share.total_cmp(&b.1.1.share))?;
+    let of_delay = |i: usize| {
+        let delay = i as f64 * DELAY_STEP;
+        if (record.stop)() { None } else { Some((delay, solved(delay)?)) }
+    };
+    let all: Vec<_> = (0..DELAYS).into_par_iter().filter_map(of_delay).collect();
+    let (delay, (rows, solved)) = all.into_iter().min_by(|a, b| a.1.1.share.total_cmp(&b.1.1.share))?;
     Some(Inside { limits, delay, rows, solved })
 }
 

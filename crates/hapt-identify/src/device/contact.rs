@@ -5,6 +5,8 @@
 //! turn, and then all numbers to the whole record. Where that explains no record, the terms that the torque shows away from the ends, a
 //! spring, gravity, cogging and changes of friction with the position, are fitted too.
 
+use rayon::prelude::*;
+
 use super::away::{Away, away, loaded};
 use super::fit::{Fit, SHORTEST_LAG, Shot};
 use super::parameters::{
@@ -128,24 +130,25 @@ fn settled(record: &CancellableRecord<'_>, fit: Fit) -> Fit {
         Fit::of(record, device, free, fit.shots.clone())?.improved(record, MANY)
     };
     let starts = [(fit.device, [false; 3]), (springs, [true, false, false]), (falls, [false, true, true])];
-    let simpler = starts.map(|(device, has)| with(device, has));
+    let simpler: Vec<Option<Fit>> = starts.into_par_iter().map(|(device, has)| with(device, has)).collect();
     // The fit of both starts from the best of these.
     let best = simpler.iter().flatten().chain([&fit]).min_by(|a, b| a.squares.total_cmp(&b.squares));
     let Some(both) = best.and_then(|best| with(best.device, [true; 3])) else { return fit };
     let is_enough = |other: &Fit| other.squares - both.squares < SURELY * both.variance();
-    let [neither, springs, falls] = simpler.map(|other| other.filter(is_enough));
-    match (neither, springs, falls) {
+    let mut simpler = simpler.into_iter().map(|other| other.filter(is_enough));
+    let mut next = || simpler.next().flatten();
+    match (next(), next(), next()) {
         (Some(one), ..) | (None, Some(one), None) | (None, None, Some(one)) => one,
         (None, Some(_), Some(_)) | (None, None, None) => both,
     }
 }
 
 /// The devices away from ends of each size, the best determined one first.
-fn inner(record: &Record, away: impl Fn(f64) -> Option<Away>) -> Vec<Away> {
+fn inner(record: &Record, away: impl Fn(f64) -> Option<Away> + Send + Sync) -> Vec<Away> {
     if !record.is_driven() || record.forces().is_some() {
         return Vec::new();
     }
-    let mut found: Vec<Away> = ENDS.into_iter().filter_map(away).collect();
+    let mut found: Vec<Away> = ENDS.into_par_iter().filter_map(away).collect();
     found.sort_by(|a, b| a.error.total_cmp(&b.error));
     found
 }
@@ -337,9 +340,9 @@ fn of_turn(record: &CancellableRecord<'_>, device: &Device, turn: &Turn, is_new:
         Fit::of(record, device, free, vec![shot])?.improved(record, BRIEF)
     };
     let ratios = if is_new { &RATIOS[..] } else { &RATIOS[..1] };
-    let starts = RATES.iter().flat_map(|rate| ratios.iter().map(move |ratio| (*rate, *ratio)));
-    let fits = starts.filter_map(|(rate, ratio)| start(rate, ratio));
-    fits.min_by(|a, b| a.squares.total_cmp(&b.squares)).map(|fit| fit.device)
+    let starts: Vec<_> = RATES.iter().flat_map(|rate| ratios.iter().map(move |ratio| (*rate, *ratio))).collect();
+    let fits: Vec<Fit> = starts.into_par_iter().filter_map(|(rate, ratio)| start(rate, ratio)).collect();
+    fits.into_iter().min_by(|a, b| a.squares.total_cmp(&b.squares)).map(|fit| fit.device)
 }
 
 /// The device that explains the stretches about the turns; `None`: none does, and then none explains the record.

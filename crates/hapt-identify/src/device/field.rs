@@ -50,6 +50,20 @@ impl Field {
     }
 }
 
+/// Sine and cosine of a multiple of an angle, in as many steps as the number has binary digits.
+fn power(once: (f64, f64), mut times: u32) -> (f64, f64) {
+    let sum = |a: (f64, f64), b: (f64, f64)| (a.0 * b.1 + a.1 * b.0, a.1 * b.1 - a.0 * b.0);
+    let (mut of, mut doubled) = ((0.0, 1.0), once);
+    while times > 0 {
+        if times % 2 == 1 {
+            of = sum(of, doubled);
+        }
+        doubled = sum(doubled, doubled);
+        times /= 2;
+    }
+    of
+}
+
 impl Wave {
     pub fn new(rate: f64, phase: f64, parts: [[f64; 2]; HARMONICS]) -> Self {
         let last = parts.iter().rposition(|part| *part != [0.0; 2]);
@@ -60,9 +74,17 @@ impl Wave {
         self.count == 0
     }
 
-    /// Adds the wave times a factor.
-    fn add(&self, field: &mut Field, z: f64, factor: f64) {
-        let (sine, cosine) = (self.rate * (z - self.phase)).sin_cos();
+    /// Sine and cosine of its first harmonic at a place, of which those of the position itself may be known.
+    fn first(&self, z: f64, known: Option<(f64, f64)>) -> (f64, f64) {
+        let times = self.rate as u32;
+        match known {
+            Some(once) if self.phase == 0.0 && f64::from(times) == self.rate => power(once, times),
+            Some(_) | None => (self.rate * (z - self.phase)).sin_cos(),
+        }
+    }
+
+    /// Adds the wave times a factor, with the sine and cosine of its first harmonic.
+    fn add(&self, field: &mut Field, (sine, cosine): (f64, f64), factor: f64) {
         let mut of = (sine, cosine);
         for (n, part) in self.parts[..self.count].iter().enumerate() {
             field.add(part.map(|x| factor * x), of, self.rate * (n + 1) as f64);
@@ -72,7 +94,7 @@ impl Wave {
 
     fn at(&self, z: f64) -> f64 {
         let mut field = Field::default();
-        self.add(&mut field, z, 1.0);
+        self.add(&mut field, self.first(z, None), 1.0);
         field.value
     }
 }
@@ -88,14 +110,15 @@ impl Waves {
     /// All but the spring, where the friction over J acts on the puck by this.
     pub fn field(&self, z: f64, friction: f64) -> Field {
         let mut field = Field::default();
-        if self.gravity != [0.0; 2] {
-            field.add(self.gravity, z.sin_cos(), 1.0);
+        let once = (self.gravity != [0.0; 2]).then(|| z.sin_cos());
+        if let Some(once) = once {
+            field.add(self.gravity, once, 1.0);
         }
         if !self.cogging.is_none() {
-            self.cogging.add(&mut field, z, 1.0);
+            self.cogging.add(&mut field, self.cogging.first(z, once), 1.0);
         }
         if !self.changes.is_none() {
-            self.changes.add(&mut field, z, self.lean + friction);
+            self.changes.add(&mut field, self.changes.first(z, once), self.lean + friction);
         }
         field
     }

@@ -4,6 +4,8 @@
 //! anew every [`SHOT`] s, from a position and a velocity of its own (multiple shooting; Bock 1983); the numbers of the device are common to
 //! all shots.
 
+use std::collections::VecDeque;
+
 use rayon::prelude::*;
 
 use super::parameters::{
@@ -252,11 +254,12 @@ impl Fit {
             let before = i.checked_sub(1).map(|before| shots[before]);
             let starts =
                 before.and_then(|before| before.end(record, &self.device)).into_iter().chain(shots[i].glimpses(record));
-            let fits = starts.filter_map(|state| {
+            let fit = |state| {
                 let shot = Shot { state, ..shots[i] };
                 Fit::of(record, self.device, [false; PARAMETERS], vec![shot])?.improved(record, OWN)
-            });
-            if let Some(best) = fits.min_by(|a, b| a.squares.total_cmp(&b.squares)) {
+            };
+            let fits: Vec<Fit> = starts.collect::<Vec<_>>().into_par_iter().filter_map(fit).collect();
+            if let Some(best) = fits.into_iter().min_by(|a, b| a.squares.total_cmp(&b.squares)) {
                 shots[i] = best.shots[0];
             }
         }
@@ -308,19 +311,35 @@ impl Fit {
         // Shots with the squares that they may leave, and the shots that they join.
         let (mut shots, mut parts) = (Vec::new(), Vec::new());
         let (mut at, mut tried, mut astray) = (0, 0, 0);
-        while let Some(one) = self.shots.get(at) {
-            let other = self.shots.get(at + 1).filter(|other| other.from == one.to && other.to - one.from <= longest);
-            tried += usize::from(other.is_some());
-            let joined = other.and_then(|other| {
-                let starts = std::iter::once(one.state).chain(one.glimpses(record));
-                let mut fits = starts.filter_map(|state| {
-                    let shot = Shot { to: other.to, state, ..*one };
-                    Fit::of(record, self.device, [false; PARAMETERS], vec![shot])?.improved(record, OWN)
-                });
-                let fit = fits.find(|fit| fit.squares <= FAR * least * fit.left.len() as f64);
-                astray += usize::from(fit.is_none());
-                fit.filter(|fit| fit.growth(record) < MOST_GROWTH).map(|fit| fit.shots[0])
+        let pair = |at: usize| {
+            let one = self.shots.get(at)?;
+            let other = self.shots.get(at + 1)?;
+            (other.from == one.to && other.to - one.from <= longest).then_some((one, other))
+        };
+        let fit_of = |at: usize| {
+            let (one, other) = pair(at)?;
+            let starts = std::iter::once(one.state).chain(one.glimpses(record));
+            let mut fits = starts.filter_map(|state| {
+                let shot = Shot { to: other.to, state, ..*one };
+                Fit::of(record, self.device, [false; PARAMETERS], vec![shot])?.improved(record, OWN)
             });
+            fits.find(|fit| fit.squares <= FAR * least * fit.left.len() as f64)
+        };
+        let mut ahead: VecDeque<(usize, Option<Fit>)> = VecDeque::new();
+        while let Some(one) = self.shots.get(at) {
+            let other = pair(at);
+            tried += usize::from(other.is_some());
+            let fit = other.and_then(|_| {
+                if !ahead.front().is_some_and(|front| front.0 == at) {
+                    // Most pairs are joined: as many at once as there are threads.
+                    let next = (at..self.shots.len()).step_by(2).take(rayon::current_num_threads());
+                    let next: Vec<usize> = next.collect();
+                    ahead = next.into_par_iter().map(|at| (at, fit_of(at))).collect();
+                }
+                ahead.pop_front()?.1
+            });
+            astray += usize::from(other.is_some() && fit.is_none());
+            let joined = fit.filter(|fit| fit.growth(record) < MOST_GROWTH).map(|fit| fit.shots[0]);
             let all = at..at + 1 + usize::from(joined.is_some());
             at = all.end;
             shots.push(joined.unwrap_or(*one));

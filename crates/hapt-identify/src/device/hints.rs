@@ -4,13 +4,15 @@
 //! projected onto that motion, beyond what the fitted numbers and the initial states can take (the score test; Rao 1948).
 
 use nalgebra::{Matrix2, SMatrix, Vector2};
+use rayon::prelude::*;
 
 use super::field::HARMONICS;
-use super::fit::Fit;
+use super::fit::{Fit, Shot};
 use super::parameters::{
     CHANGES, COGGING, Device, FRICTION, Free, GRAVITY, LATE, OFFSET, PARAMETERS, SPRING, VARIANCE,
 };
-use super::slopes::{Normal, scaled};
+use super::slopes::{self, Normal, Slopes, scaled};
+use crate::multiples::multiples;
 use crate::record::CancellableRecord;
 use crate::terms::{MOST_RUBS, MOST_TIMES, TRAVEL, common_rate};
 
@@ -49,18 +51,8 @@ pub(super) struct Tried {
     pub spring: bool,
 }
 
-/// The motion that a unit of a term adds, and its sums of products.
-struct Candidate {
-    hint: Hint,
-    place: Vector2<f64>,
-    speed: Vector2<f64>,
-    own: Matrix2<f64>,
-    across: Across,
-    right: Vector2<f64>,
-    shot: OfShot,
-}
-
-/// The sums over one shot.
+/// The sums of products of the motion that a unit of a term adds over one shot: with itself, with what the fitted numbers and the initial
+/// state move, and with the residuals.
 #[derive(Clone, Copy, Default)]
 struct OfShot {
     own: Matrix2<f64>,
@@ -69,19 +61,12 @@ struct OfShot {
     right: Vector2<f64>,
 }
 
-impl Candidate {
-    fn new(hint: Hint) -> Self {
-        let none = Vector2::zeros();
-        let shot = OfShot::default();
-        Candidate { hint, place: none, speed: none, own: Matrix2::zeros(), across: Across::zeros(), right: none, shot }
-    }
-}
-
-/// Sine and cosine of the multiples of an angle.
-fn multiples(angle: f64, most: u32) -> Vec<Vector2<f64>> {
-    let (sine, cosine) = angle.sin_cos();
-    let next = |of: &Vector2<f64>| Vector2::new(of.x * cosine + of.y * sine, of.y * cosine - of.x * sine);
-    std::iter::successors(Some(Vector2::new(0.0, 1.0)), |of| Some(next(of))).take(most as usize + 1).collect()
+/// The same sums over all shots, beyond what the initial states take.
+struct Candidate {
+    hint: Hint,
+    own: Matrix2<f64>,
+    across: Across,
+    right: Vector2<f64>,
 }
 
 /// The rates of the harmonics that a wave of a device has.
@@ -186,31 +171,50 @@ pub(super) fn best(record: &CancellableRecord<'_>, fit: &Fit, tried: Tried) -> O
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let device = &fit.device;
-    let mut all: Vec<Candidate> =
-        possible(device, fit.free, high - low, tried).into_iter().map(Candidate::new).collect();
+    let hints = possible(device, fit.free, high - low, tried);
     let mut lagged = *device;
     lagged.p[VARIANCE] = (TRIED * record.period()).powi(2);
-    let fastest = all.iter().map(|candidate| match candidate.hint {
+    let fastest = hints.iter().map(|hint| match *hint {
         Hint::Torque(n) | Hint::FrictionByPosition(n) => n,
         Hint::Spring | Hint::Lag | Hint::FrictionByDirection => 0,
     });
     let fastest = fastest.max().unwrap_or(0);
     let normal = Normal::of(&fit.slopes, 0.0, [0.0; 2]);
-    let mut left = fit.left.iter();
-    for ((shot, slopes), own) in fit.shots.iter().zip(&fit.slopes).zip(&normal.shots) {
+    let mut rest = &fit.left[..];
+    let of_shots = fit.shots.iter().zip(&fit.slopes).zip(&normal.shots).map(|((shot, slopes), own)| {
+        let (left, after) = rest.split_at(slopes.rows.len());
+        rest = after;
+        (shot, slopes, own, left)
+    });
+    let of_shots: Vec<_> = of_shots.collect();
+    // What each candidate takes of a shot beyond what the shot's initial state takes.
+    let taken = |&(shot, slopes, own, left): &(&Shot, &Slopes, &slopes::OfShot, &[f64])| -> Vec<_> {
         let path = Path {
             from: shot.span().0,
             places: shot.positions(record, device).0,
-            late: all.iter().any(|x| x.hint == Hint::Lag).then(|| shot.positions(record, &lagged).0),
+            late: hints.contains(&Hint::Lag).then(|| shot.positions(record, &lagged).0),
             fastest,
         };
-        path.moves(record, fit, slopes.rows.iter(), &mut left, &mut all);
-        for candidate in &mut all {
-            let OfShot { own: product, across, states, right } = std::mem::take(&mut candidate.shot);
+        let beyond = |OfShot { own: product, across, states, right }: OfShot| {
             let taken = own.inverse * states;
-            candidate.own += product - states.tr_mul(&taken);
-            candidate.across += across - own.across.tr_mul(&taken);
-            candidate.right += right - taken.tr_mul(&own.right);
+            let across = across - own.across.tr_mul(&taken);
+            (product - states.tr_mul(&taken), across, right - taken.tr_mul(&own.right))
+        };
+        path.moves(record, fit, slopes.rows.iter().zip(left), &hints).into_iter().map(beyond).collect()
+    };
+    let taken: Vec<Vec<_>> = of_shots.par_iter().map(taken).collect();
+    let none = |hint: &Hint| Candidate {
+        hint: *hint,
+        own: Matrix2::zeros(),
+        across: Across::zeros(),
+        right: Vector2::zeros(),
+    };
+    let mut all: Vec<Candidate> = hints.iter().map(none).collect();
+    for taken in taken {
+        for (candidate, (own, across, right)) in all.iter_mut().zip(taken) {
+            candidate.own += own;
+            candidate.across += across;
+            candidate.right += right;
         }
     }
     let (matrix, scale) = scaled(&normal.information, fit.free, 0.0);
@@ -272,23 +276,22 @@ struct Path {
 }
 
 impl Path {
-    /// Moves the candidates along this path, and adds their sums; `rows` are the derivatives of the fitted numbers at the measured samples,
-    /// and `left` the residuals there.
+    /// The motion that a unit of each term adds along this path, as its sums; `news` are the derivatives of the fitted numbers at the measured
+    /// samples, and the residuals there.
     fn moves<'a>(
         &self,
         record: &CancellableRecord<'_>,
         fit: &Fit,
-        mut rows: impl Iterator<Item = &'a [f64; PARAMETERS + 2]>,
-        left: &mut impl Iterator<Item = &'a f64>,
-        all: &mut [Candidate],
-    ) {
+        mut news: impl Iterator<Item = (&'a [f64; PARAMETERS + 2], &'a f64)>,
+        hints: &[Hint],
+    ) -> Vec<OfShot> {
         let device = &fit.device;
         let numbers = device.numbers([0.0; 2]);
         let per = device.inertia().recip();
         let square = (TRIED * record.period()).powi(2);
-        for candidate in all.iter_mut() {
-            (candidate.place, candidate.speed) = (Vector2::zeros(), Vector2::zeros());
-        }
+        let mut sums = vec![OfShot::default(); hints.len()];
+        // The added position and velocity.
+        let mut added = vec![[Vector2::zeros(); 2]; hints.len()];
         for (k, z) in self.places.iter().enumerate() {
             if let Some(before) = k.checked_sub(1).map(|before| self.places[before]) {
                 let h = record.times()[self.from + k] - record.times()[self.from + k - 1];
@@ -298,45 +301,45 @@ impl Path {
                 let decay = (-numbers.damping * h).exp();
                 let turns = multiples(middle, self.fastest);
                 let by_direction = per * device.p[OFFSET] * numbers.waves.changes_at(middle);
-                for candidate in all.iter_mut() {
-                    let push = match candidate.hint {
+                for (hint, [place, speed]) in hints.iter().zip(&mut added) {
+                    let push = match *hint {
                         Hint::Spring => Vector2::new(-per * (middle - device.places.middle), 0.0),
                         Hint::Torque(n) => per * turns[n as usize],
                         Hint::FrictionByPosition(n) => -numbers.friction * direction * turns[n as usize],
                         Hint::FrictionByDirection => Vector2::new(by_direction, 0.0),
                         Hint::Lag => {
                             if let Some(late) = &self.late {
-                                candidate.place = Vector2::new((late[k] - z) / square, 0.0);
+                                *place = Vector2::new((late[k] - z) / square, 0.0);
                             }
                             continue;
                         }
                     };
                     if direction == 0.0 {
-                        candidate.speed = Vector2::zeros();
+                        *speed = Vector2::zeros();
                         continue;
                     }
-                    let speed =
-                        decay * (candidate.speed + h * (push + slope * (candidate.place + 0.5 * h * candidate.speed)));
-                    candidate.place += 0.5 * h * (candidate.speed + speed);
-                    candidate.speed = speed;
+                    let before = *speed;
+                    *speed = decay * (before + h * (push + slope * (*place + 0.5 * h * before)));
+                    *place += 0.5 * h * (before + *speed);
                 }
             }
             if record.is_news(self.from + k)
-                && let (Some(row), Some(left)) = (rows.next(), left.next())
+                && let Some((row, left)) = news.next()
             {
-                for Candidate { place, shot, .. } in all.iter_mut() {
-                    shot.own += *place * place.transpose();
-                    shot.right += *place * *left;
+                for (sum, [place, _]) in sums.iter_mut().zip(&added) {
+                    sum.own += *place * place.transpose();
+                    sum.right += *place * *left;
                     for i in (0..PARAMETERS).filter(|i| fit.free[*i]) {
-                        shot.across[(i, 0)] += row[i] * place.x;
-                        shot.across[(i, 1)] += row[i] * place.y;
+                        sum.across[(i, 0)] += row[i] * place.x;
+                        sum.across[(i, 1)] += row[i] * place.y;
                     }
                     for i in 0..2 {
-                        shot.states[(i, 0)] += row[PARAMETERS + i] * place.x;
-                        shot.states[(i, 1)] += row[PARAMETERS + i] * place.y;
+                        sum.states[(i, 0)] += row[PARAMETERS + i] * place.x;
+                        sum.states[(i, 1)] += row[PARAMETERS + i] * place.y;
                     }
                 }
             }
         }
+        sums
     }
 }

@@ -206,7 +206,7 @@ impl Fit {
     }
 
     /// The same from rest, where an initial motion explains no more than three parameters explain of noise.
-    pub fn at_rest(self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
+    pub fn at_rest(self, record: &Record, stop: &(dyn Fn() -> bool + Sync)) -> Fit {
         let mut p = self.p;
         p[AT_REST..].fill(0.0);
         let resting = if self.rests { None } else { Fit::of(record, p, true) };
@@ -221,7 +221,12 @@ impl Fit {
 
     /// The best of the fits from here and from other lags and frictions: each stop of a motor makes the squares nonlinear, and a fit can
     /// end in a local minimum.
-    pub fn settled(mut self, record: &Record, explains: &dyn Fn(&Fit) -> bool, stop: &dyn Fn() -> bool) -> Fit {
+    pub fn settled(
+        mut self,
+        record: &Record,
+        explains: &dyn Fn(&Fit) -> bool,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Fit {
         for (i, part) in RESTARTS {
             let mut p = self.p;
             match i {

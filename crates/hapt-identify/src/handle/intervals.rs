@@ -33,7 +33,7 @@ impl Fit {
     /// The devices whose squares are within a 95 % interval of the least, as far out as they are: the profile of the likelihood along
     /// single parameters. Where the valley of good fits is curved, the covariance at its lowest point is too small. `None`: a device next to
     /// the best moves too fast.
-    pub fn profiled(self, record: &Record, stop: &dyn Fn() -> bool) -> Option<(Fit, Vec<Parameters>)> {
+    pub fn profiled(self, record: &Record, stop: &(dyn Fn() -> bool + Sync)) -> Option<(Fit, Vec<Parameters>)> {
         let mut best = self;
         for _ in 0..PROFILED.len() {
             let mut others = Vec::new();
