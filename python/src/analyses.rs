@@ -143,7 +143,7 @@ pub fn identify(
             // The model does not explain the motion: the result is the fit of the torque's equation, as on the command line.
             Some(Err(error)) => {
                 let richer = matches!(error, hapt_identify::Error::Residual(_) | hapt_identify::Error::Unexplained);
-                let fit = by_torque.filter(|fit| richer && fit.explains()).ok_or_else(|| error.clone())?;
+                let fit = by_torque.filter(|_| richer).ok_or_else(|| error.clone())?;
                 (fit.json(linear, false), vec![error.to_string()])
             }
         };

@@ -87,7 +87,7 @@ pub use experiment::{Bounds, Push};
 pub use handle::{WithHandle, identify_handle, identify_handle_until};
 pub use identified::{CorrelatedPair, FoundStops, FoundStribeck, Identified, Known, PositionTorque, Residual};
 pub use interval::Interval;
-pub use mat::{is_mat, mat_table};
+pub use mat::{MatTable, is_mat, mat_table};
 pub use misfit::{Kind, Misfit, Part};
 pub use predicted::PREDICTION_S;
 pub use puck::{Puck, Sensitivity};

@@ -1,7 +1,7 @@
 //! MATLAB's files of level 5 (`save -v6`, `-v7`): the numeric arrays of one length as a table.
 //!
-//! The format is that of MathWorks, "MAT-File Format", 2021. Real numeric arrays of any class are read, also those in structs, also
-//! compressed ones; other contents of a file are left out. Files of level 7.3 are HDF5 and are not read.
+//! The format is that of MathWorks, "MAT-File Format", 2021. Real numeric arrays of any class are read, also those in structs and in arrays of
+//! structs, also compressed ones; other contents of a file are left out. Files of level 7.3 are HDF5 and are not read.
 
 use std::io::Read as _;
 
@@ -19,13 +19,32 @@ const WIDEST: usize = 64;
 
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
+const UTF8: u32 = 16;
+const UTF16: u32 = 17;
 const STRUCT: u32 = 2;
+const CHAR: u32 = 4;
 /// The numeric classes of arrays: double, single, and whole numbers of 8 to 64 bits.
 const NUMERIC: std::ops::RangeInclusive<u32> = 6..=15;
 const COMPLEX: u32 = 0x0800;
 
+/// A table of a MATLAB file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MatTable {
+    /// As text with commas, for [`crate::Columns::read_all`].
+    pub text: String,
+    /// The labels of its signals: the name with which their columns begin, and what the file says of them.
+    pub labels: Vec<(String, String)>,
+}
+
 /// A column with its name.
 type Column = (String, Vec<f64>);
+
+/// What the arrays of a file have.
+#[derive(Default)]
+struct Found {
+    columns: Vec<Column>,
+    labels: Vec<(String, String)>,
+}
 
 /// The first bytes of an HDF5 file without a header of MATLAB.
 const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
@@ -35,12 +54,13 @@ pub fn is_mat(bytes: &[u8]) -> bool {
     bytes.starts_with(b"MATLAB ") || bytes.starts_with(HDF5)
 }
 
-/// The table of a MATLAB file as text with commas, for [`crate::Columns::read_all`]: the arrays of the longest length that two of them
-/// have. A column of a matrix, or a row of one that is wider than long, is `name:1`, a field of a struct `name.field`.
+/// The table of a MATLAB file: the arrays of one length, of which there are two or more, with most of its numbers. A column of a matrix, or a row of one that is wider
+/// than long, is `name:1`, a field of a struct `name.field`, and one of the second struct of an array of them `name:2.field`. The time of
+/// a struct with `time` and `signals`, as Simulink's scopes write it, is in seconds.
 ///
 /// # Errors
 /// [`Error::Columns`] for a file of another level, one that is cut short, and one without two numeric arrays of one length.
-pub fn mat_table(bytes: &[u8]) -> Result<String, Error> {
+pub fn mat_table(bytes: &[u8]) -> Result<MatTable, Error> {
     let wrong = |what: &str| Error::Columns(format!("the .mat file {what}"));
     if bytes.starts_with(HDF5) {
         return Err(Error::Columns(
@@ -61,13 +81,13 @@ pub fn mat_table(bytes: &[u8]) -> Result<String, Error> {
             "is of level 7.3 (HDF5); expected level 5: save('file.mat', '-v7') in MATLAB writes it, scipy.io.savemat in Python too",
         ));
     }
-    let mut columns: Vec<Column> = Vec::new();
+    let mut found = Found::default();
     let mut reader = Reader { bytes: &bytes[HEADER..], is_big };
     let mut room = LARGEST;
     while !reader.bytes.is_empty() {
         let (kind, data) = reader.element().ok_or_else(|| wrong("is cut short in the middle of an array"))?;
         match kind {
-            MATRIX => array(data, is_big, None, 0, &mut columns),
+            MATRIX => array(data, is_big, None, 0, &mut found),
             COMPRESSED => {
                 let mut inflated = Vec::new();
                 let read = ZlibDecoder::new(data).take(room + 1).read_to_end(&mut inflated);
@@ -78,20 +98,23 @@ pub fn mat_table(bytes: &[u8]) -> Result<String, Error> {
                 };
                 let mut inner = Reader { bytes: &inflated, is_big };
                 if let Some((MATRIX, data)) = inner.element() {
-                    array(data, is_big, None, 0, &mut columns);
+                    array(data, is_big, None, 0, &mut found);
                 }
             }
             _ => {}
         }
     }
+    let Found { mut columns, mut labels } = found;
     let count = |length: usize| columns.iter().filter(|column| column.1.len() == length).count();
-    let lengths = columns.iter().map(|column| column.1.len());
-    let Some(length) = lengths.filter(|length| *length > 1 && count(*length) > 1).max() else {
+    let lengths = columns.iter().map(|column| column.1.len()).filter(|length| *length > 1 && count(*length) > 1);
+    // The record has most of the file's numbers: two lists of a reference may be longer than its signals.
+    let Some(length) = lengths.max_by_key(|length| (length * count(*length), *length)) else {
         return Err(wrong(
             "has no two numeric arrays of one length; expected a time, a position and a torque, each an array of its own or a column of one",
         ));
     };
     columns.retain(|column| column.1.len() == length);
+    labels.retain(|(name, _)| columns.iter().any(|column| column.0.starts_with(&format!("{name}."))));
     let names: Vec<&str> = columns.iter().map(|column| column.0.as_str()).collect();
     let mut text = names.join(",") + "\n";
     for i in 0..length {
@@ -99,7 +122,7 @@ pub fn mat_table(bytes: &[u8]) -> Result<String, Error> {
         text += &line.join(",");
         text.push('\n');
     }
-    Ok(text)
+    Ok(MatTable { text, labels })
 }
 
 /// Reads elements from the front.
@@ -140,7 +163,7 @@ impl<'a> Reader<'a> {
 }
 
 /// Adds the columns of an array, or of the arrays in a struct; other elements add none.
-fn array(data: &[u8], is_big: bool, parent: Option<&str>, depth: usize, columns: &mut Vec<Column>) {
+fn array(data: &[u8], is_big: bool, parent: Option<&str>, depth: usize, found: &mut Found) {
     let mut reader = Reader { bytes: data, is_big };
     let Some((flags, dimensions, name)) = head(&mut reader) else { return };
     let name = match parent {
@@ -149,16 +172,12 @@ fn array(data: &[u8], is_big: bool, parent: Option<&str>, depth: usize, columns:
     };
     let class = flags & 0xff;
     if class == STRUCT && depth < DEEPEST {
-        let Some(length) = reader.words().and_then(|words| words.first().map(|length| *length as usize)) else {
-            return;
-        };
-        let Some((_, names)) = reader.element() else { return };
-        if length == 0 || dimensions.iter().any(|size| *size != 1) {
-            return;
-        }
-        for field in names.chunks(length) {
-            let Some((MATRIX, data)) = reader.element() else { return };
-            array(data, is_big, Some(&format!("{name}.{}", word_of(field))), depth + 1, columns);
+        structs(&mut reader, &dimensions, &name, depth, found);
+        return;
+    }
+    if class == CHAR {
+        if let (Some(name), Some(label)) = (name.strip_suffix(".label"), letters(&mut reader, is_big)) {
+            found.labels.push((name.to_string(), label));
         }
         return;
     }
@@ -176,8 +195,43 @@ fn array(data: &[u8], is_big: bool, parent: Option<&str>, depth: usize, columns:
             true => values.iter().skip(i).step_by(count).copied().collect(),
             false => values[i * length..(i + 1) * length].to_vec(),
         };
-        columns.push((if count == 1 { name.clone() } else { format!("{name}:{}", i + 1) }, column));
+        found.columns.push((if count == 1 { name.clone() } else { format!("{name}:{}", i + 1) }, column));
     }
+}
+
+/// The arrays in the fields of a struct, or of an array of structs, each with all of its fields.
+fn structs(reader: &mut Reader<'_>, dimensions: &[usize], name: &str, depth: usize, found: &mut Found) {
+    let Some(length) = reader.words().and_then(|words| words.first().map(|length| *length as usize)) else { return };
+    let Some((_, names)) = reader.element() else { return };
+    let count = dimensions.iter().fold(1, |product: usize, size| product.saturating_mul(*size));
+    if length == 0 || count > WIDEST {
+        return;
+    }
+    let fields: Vec<String> = names.chunks(length).map(word_of).collect();
+    let is_of_simulink = ["time", "signals"].iter().all(|name| fields.iter().any(|field| field == name));
+    for i in 0..count {
+        let name = if count == 1 { name.to_string() } else { format!("{name}:{}", i + 1) };
+        for field in &fields {
+            let Some((MATRIX, data)) = reader.element() else { return };
+            let unit = if is_of_simulink && field == "time" { "_s" } else { "" };
+            array(data, reader.is_big, Some(&format!("{name}.{field}{unit}")), depth + 1, found);
+        }
+    }
+}
+
+/// A text; `None` of an empty one.
+fn letters(reader: &mut Reader<'_>, is_big: bool) -> Option<String> {
+    let (kind, data) = reader.element()?;
+    let text = match kind {
+        // Text in UTF-8.
+        1 | 2 | UTF8 => String::from_utf8_lossy(data).into_owned(),
+        _ => numbers(if kind == UTF16 { 4 } else { kind }, data, is_big)?
+            .into_iter()
+            .map(|x| char::from_u32(x as u32).unwrap_or('?'))
+            .collect(),
+    };
+    let words: Vec<&str> = text.split_whitespace().collect();
+    (!words.is_empty()).then(|| words.join(" "))
 }
 
 /// An array's flags, dimensions and name.

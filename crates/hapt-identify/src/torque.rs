@@ -52,6 +52,8 @@ const TOLD: f64 = 1.2;
 const UNRELATED: f64 = 0.8;
 /// Where a hand moves the puck, more than this part of the torque's variance, beyond noise, depends on none of position, velocity and time.
 const STRANGE: f64 = 0.05;
+/// The same of a device without friction.
+const UNRESISTED: f64 = 0.02;
 /// Where the equation of motion leaves more than this part of the torque beyond noise, the device may be richer than the puck.
 const RICH: f64 = 3e-3;
 /// A torque that position and velocity give by themselves to within this part of its variance is the law of the loop, or of the spring that
@@ -137,8 +139,8 @@ pub struct TorqueFit {
     pub force: Option<Interval>,
     /// The terms of the record in addition to these, in parts of the commanded torque.
     pub terms: Vec<Term>,
-    /// Whether more than a twentieth of the torque depends on none of position, velocity and time: then something else moves the puck, and
-    /// no inertia is determined.
+    /// Whether more than a twentieth of the torque depends on none of position, velocity and time, or, without friction, more than a fiftieth:
+    /// then something else moves the puck, and no inertia is determined.
     pub is_moved_by_another: bool,
     /// The lattice of the positions.
     pub lattice: Option<Lattice>,
@@ -207,9 +209,9 @@ impl TorqueFit {
         self.terms.iter().filter(is_one).filter_map(|term| term.predicts).sum()
     }
 
-    /// Whether the motion depends on the torque at all: otherwise the columns are not of one device, or a hand moved it.
-    pub fn explains(&self) -> bool {
-        self.inertia.is_some() || self.misfit.share < UNRELATED
+    /// Whether the motion hardly depends on the torque: the columns may not be of one device, or a hand moved it.
+    pub fn is_unrelated(&self) -> bool {
+        self.inertia.is_none() && self.misfit.share > UNRELATED
     }
 }
 
@@ -348,7 +350,10 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
         (misfit(record, &signs, &rows, &plain, duration, known.is_linear), rows.unexplained(&plain));
     // The part that depends on none of position, velocity and time, beyond the positions' noise, is another torque.
     let strange = misfit.strange.min(beyond_noise);
-    let is_moved = is_rich(beyond_noise, misfit.share) && strange > STRANGE;
+    // A motor that moves a device works against its friction. Where none shows, the torque may be the law of a loop that a hand moves.
+    let rubs = of(FRICTION, false).is_some_and(|mean| sign * mean.value > t * mean.variance.sqrt());
+    let most = if rubs { STRANGE } else { UNRESISTED };
+    let is_moved = is_rich(beyond_noise, misfit.share) && strange > most;
     let is_determined = inertia.value.abs() > TOLD * deviation && !is_a_law && !is_moved && is_apart;
     let inertia_by_motion = over(&|model| Some(model.by_motion), true).filter(|_| is_determined);
     // The truth lies between the two where the torque does not follow the motion: each end has a one-sided quantile.

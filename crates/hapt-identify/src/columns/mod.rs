@@ -296,11 +296,14 @@ impl Columns {
                     let units = if places.is_empty() { by_unit() } else { Vec::new() };
                     if units.len() == 1 { units } else { places }
                 };
-                match usual.iter().find_map(of).unwrap_or_else(|| only(like()))[..] {
+                // A program may write the same time with each of its signals.
+                let different = |places| if what == "time" { table.different(places) } else { places };
+                match different(usual.iter().find_map(of).unwrap_or_else(|| only(like())))[..] {
                     [place] => return Ok(place),
-                    [] => match by_unit().len() {
-                        0 => format!("no column looks like a {what}"),
-                        several => format!("by their units {several} columns may be the {what}"),
+                    [] => match different(by_unit())[..] {
+                        [] => format!("no column looks like a {what}"),
+                        [place] => return Ok(place),
+                        ref several => format!("by their units {} columns may be the {what}", several.len()),
                     },
                     [one, other, ..] => format!("{} and {} may both be the {what}", names[one], names[other]),
                 }

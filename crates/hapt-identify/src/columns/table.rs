@@ -87,6 +87,26 @@ impl<'a> Table<'a> {
         self.range(column).is_some_and(|(low, high)| low < high)
     }
 
+    /// Of columns with the same fields the first.
+    pub fn different(&self, columns: Vec<usize>) -> Vec<usize> {
+        if columns.len() < 2 {
+            return columns;
+        }
+        let of = |column: usize| -> Vec<&str> {
+            self.below.iter().map(|(line, _)| self.fields(line).nth(column).unwrap_or_default()).collect()
+        };
+        let mut known: Vec<Vec<&str>> = Vec::new();
+        let mut is_new = |column: &usize| {
+            let fields = of(*column);
+            let is_new = !known.contains(&fields);
+            if is_new {
+                known.push(fields);
+            }
+            is_new
+        };
+        columns.into_iter().filter(|column| is_new(column)).collect()
+    }
+
     /// The columns with their ranges, and the quantities that each may be.
     pub fn listed(&self) -> String {
         let of = |(i, name): (usize, &&str)| {

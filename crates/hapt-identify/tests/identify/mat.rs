@@ -85,7 +85,7 @@ fn arrays_of_one_length_are_a_table_of_either_byte_order() {
             w.array("rows", 6, 2, 3, &w.doubles(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0])),
         ]);
         assert!(is_mat(&file));
-        let table = mat_table(&file).unwrap();
+        let table = mat_table(&file).unwrap().text;
         let expected = "t_s,log.q_rad,log.u_Nm,both:1,both:2,rows:1,rows:2\n0,0.5,3,1,4,1,4\n0.1,0.000000001,-4,2,5,2,5\n0.25,3,5,3,6,3,6\n";
         assert_eq!(table, expected);
         // However it is cut or changed, it gives an error or a table, and no panic.
@@ -97,6 +97,55 @@ fn arrays_of_one_length_are_a_table_of_either_byte_order() {
             let mut broken = file.clone();
             broken[rng.usize(124..file.len())] = rng.u8(..);
             let _ = mat_table(&broken);
+        }
+    }
+}
+
+/// Simulink's scopes write a struct with a time and an array of signals, each with its values and a label.
+#[test]
+fn the_signals_of_a_scope_are_columns_with_their_labels() {
+    for is_big in [false, true] {
+        let w = Writer { is_big };
+        let names = |names: &[&str]| {
+            let padded = names.iter().flat_map(|name| format!("{name:\0<8}").into_bytes());
+            [w.small(5, &w.word(8)), w.element(1, &padded.collect::<Vec<u8>>())].concat()
+        };
+        let wide: Vec<u8> = "angle\nof both"
+            .encode_utf16()
+            .flat_map(|x| if is_big { x.to_be_bytes() } else { x.to_le_bytes() })
+            .collect();
+        let signal = |values: &[f64], width: u32, label: Vec<u8>, letters: u32| {
+            let values = w.array("", 6, 3, width, &w.doubles(values));
+            [values, w.array("", 4, 1, letters, &label)].concat()
+        };
+        let signals = [
+            names(&["values", "label"]),
+            signal(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 2, w.element(4, &wide), 13),
+            signal(&[7.0, 8.0, 9.0], 1, w.element(16, "torque in N·m".as_bytes()), 13),
+            signal(&[0.5, 0.5, 0.75], 1, w.element(16, b""), 0),
+        ];
+        let scope = |times: &[f64]| {
+            let parts = [
+                names(&["time", "signals"]),
+                w.array("", 6, 3, 1, &w.doubles(times)),
+                w.array("", 2, 1, 3, &signals.concat()),
+            ];
+            parts.concat()
+        };
+        let file = w.file(&[
+            w.array("scope", 2, 1, 1, &scope(&[0.0, 0.1, 0.2])),
+            w.array("again", 6, 3, 1, &w.doubles(&[0.0, 0.1, 0.2])),
+        ]);
+        let table = mat_table(&file).unwrap();
+        let header = "scope.time_s,scope.signals:1.values:1,scope.signals:1.values:2,scope.signals:2.values,scope.signals:3.values,again";
+        assert_eq!(
+            table.text.lines().collect::<Vec<_>>(),
+            [header, "0,1,4,7,0.5,0", "0.1,2,5,8,0.5,0.1", "0.2,3,6,9,0.75,0.2"]
+        );
+        let labels = [("scope.signals:1", "angle of both"), ("scope.signals:2", "torque in N·m")];
+        assert_eq!(table.labels, labels.map(|(name, label)| (name.to_string(), label.to_string())));
+        for end in 0..file.len() {
+            let _ = mat_table(&file[..end]);
         }
     }
 }

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use hapt_host::DeviceAddress;
-use hapt_identify::{Columns, Read as Table, Record, is_mat, mat_table, text_of};
+use hapt_identify::{Columns, MatTable, Read as Table, Record, is_mat, mat_table, text_of};
 use hapt_log::Log;
 use hapt_model::keys::Measure;
 use hapt_model::{Dimension, Motion, World};
@@ -69,6 +69,9 @@ pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure>
     Ok(Given { name, record, motion, world, back_damping })
 }
 
+/// The most labels of a file's signals in a message.
+const LABELS: usize = 12;
+
 /// A table with a header.
 fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Failure> {
     let mut bytes = Vec::new();
@@ -80,9 +83,14 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Fail
         )));
     }
     let wrong = |error| Failure::input(format!("{name}: {error}"));
-    let text = match is_mat(&bytes) {
+    let MatTable { text, labels } = match is_mat(&bytes) {
         true => mat_table(&bytes).map_err(wrong)?,
-        false => text_of(bytes).map_err(wrong)?,
+        false => MatTable { text: text_of(bytes).map_err(wrong)?, labels: Vec::new() },
+    };
+    let labels: Vec<String> = labels.iter().take(LABELS).map(|(name, label)| format!("{name} {label:?}")).collect();
+    let wrong = |error| match &labels[..] {
+        [] => Failure::input(format!("{name}: {error}")),
+        labels => Failure::input(format!("{name}: {error}; the file's labels are {}", labels.join(", "))),
     };
     let mut columns = Columns::parse(args.columns.as_deref().unwrap_or_default())
         .map_err(|error| Failure::input(format!("--columns: {error}")))?;

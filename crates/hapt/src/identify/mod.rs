@@ -13,7 +13,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_host::DeviceAddress;
-use hapt_identify::{Error, Known, Record, TorqueFit, fit_torque, identify_with};
+use hapt_identify::{Error, Known, Record, fit_torque, identify_with};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
 
@@ -86,13 +86,13 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     // With a second torque the motion does not follow from the commanded one.
     if given.record.forces().is_some() {
         let none = || Failure::input(format!("{}: {}", given.name, Error::Unexplained));
-        let fit = by_torque.filter(TorqueFit::explains).ok_or_else(none)?;
+        let fit = by_torque.ok_or_else(none)?;
         return richer::run(args, &given, &fit, None);
     }
     let found = match (identify_with(&given.record, &known, by_torque.as_ref()), &by_torque) {
         (Ok(found), _) => found,
         // The device is richer than the model: the fit to the torque is the answer.
-        (Err(error @ (Error::Residual(_) | Error::Unexplained)), Some(fit)) if fit.explains() => {
+        (Err(error @ (Error::Residual(_) | Error::Unexplained)), Some(fit)) => {
             // With --handle the reason was given.
             return richer::run(args, &given, fit, Some(&error).filter(|_| !args.handle));
         }

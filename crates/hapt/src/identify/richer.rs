@@ -19,7 +19,7 @@ use crate::output;
 
 pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&Error>) -> Result<ExitCode, Failure> {
     match error {
-        Some(Error::Unexplained) => {
+        Some(Error::Unexplained) if !fit.is_unrelated() => {
             messages::say(
                 "note: inertia, damping, friction and a delay of up to 50 ms do not explain the motion by themselves",
             );
@@ -36,7 +36,7 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&E
     let table = table(given, fit);
     if fit.is_moved_by_another {
         messages::say(
-            "note: no inertia can be told from this record: more than a twentieth of the torque goes with nothing that moves, so something else moves the device, such as a hand, or it runs into end stops that no fit explained; --force COLUMN takes in a hand's sensor, and --from and --to leave stops out",
+            "note: no inertia can be told from this record: more than a twentieth of the torque (of a device without friction a fiftieth) goes with nothing that moves, so something else moves the device, such as a hand, or it runs into end stops that no fit explained; --force COLUMN takes in a hand's sensor, and --from and --to leave stops out",
         );
     } else if fit.inertia.is_none() {
         messages::say(

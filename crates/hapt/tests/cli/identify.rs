@@ -215,6 +215,24 @@ fn a_hand_on_the_puck_is_no_experiment_and_leaves_no_device_behind() {
     assert_eq!(names(at.path()), ["held.csv", "let-go.csv", "w.toml"]);
 }
 
+/// A lever against a rigid stop, or columns of two devices: the record is read, and determines nothing.
+#[test]
+fn a_motion_that_no_torque_makes_has_a_misfit_and_no_numbers() {
+    let row =
+        |k: usize| format!("{k},{},{}", ((0.05 * k as f64).sin() * 100.0).round(), if k % 100 < 50 { 1 } else { -1 });
+    let rows: Vec<String> = (0..3000).map(row).collect();
+    let text = format!("t_ms,angle_deg,tau_mNm\n{}\n", rows.join("\n"));
+    let at = folder(&[("log.csv", &text)]);
+    let ended = identify(at.path(), &["log.csv", "--json", "--write", "device.toml"]).done();
+    for words in ["the motion does not follow from the torque", "look at the columns", "no inertia can be told"] {
+        assert!(ended.err.contains(words), "{}", ended.err);
+    }
+    let json: serde_json::Value = serde_json::from_str(&ended.out).unwrap();
+    assert!(json["inertia"].is_null() && json["sign"].is_null(), "{json}");
+    assert!(json["misfit"]["share"].as_f64().unwrap() > 0.8, "{json}");
+    assert_eq!(names(at.path()), ["log.csv"]);
+}
+
 /// The confirmation on a terminal before a real device moves.
 #[cfg(target_os = "linux")]
 mod confirmation {

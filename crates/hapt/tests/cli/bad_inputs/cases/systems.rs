@@ -214,7 +214,6 @@ pub(super) fn identify(t: &mut Table) {
     log("a log of a tenth of a second", swing(header, 100, good), &[]);
     log("a log in which nothing moves", swing(header, 600, |k| format!("{k},0,1")), &[]);
     log("a log without excitation", swing(header, 600, |k| format!("{k},{},5", at(k))), &[]);
-    log("a log whose motion no torque makes", swing(header, 3000, good), &[]);
     log("a column that is not there", swing(header, 600, good), &["--columns", "position=elbow_deg"]);
     log("a column for something else", swing(header, 600, good), &["--columns", "speed=angle_deg"]);
     log("nothing between two times", swing(header, 600, good), &["--from", "0.5 s", "--to", "0.2 s"]);
