@@ -7,7 +7,7 @@ use hapt_model::{Dimension, Motion, Unit};
 
 use crate::Error;
 pub use encoding::text_of;
-use table::Table;
+use table::{Table, with_units};
 
 /// Names of a time, a position, a torque, without their units; the first that a table has is taken. A log of hapt's loop in real time has the
 /// supervisor's output beside the command.
@@ -101,7 +101,7 @@ impl Columns {
     }
 
     /// Times, positions and torques of a table in SI, and whether its puck turns: the header names the columns, with their units after the
-    /// last underscore (`angle_deg`), in parentheses or in brackets. Commas, semicolons, tabs or spaces separate fields; where these are
+    /// last underscore (`angle_deg`), in parentheses, in brackets or on a line of units below. Commas, semicolons, tabs or spaces separate fields; where these are
     /// not commas, numbers may have decimal commas. Lines that begin with # or % are left out, and so is a sample without a time or a
     /// torque (an empty field, NaN) or that repeats the time before it, up to a tenth of all. Where more have the same time, and
     /// differ, the times are those of an even clock that was rounded, if there is one. A position that is missing is NaN.
@@ -119,7 +119,8 @@ impl Columns {
     /// # Errors
     /// The errors of [`Columns::read`].
     pub fn read_all(&self, text: &str) -> Result<Read, Error> {
-        let mut table = Table::new(text)?;
+        let text = with_units(text);
+        let mut table = Table::new(&text)?;
         for named in [&self.time, &self.position, &self.torque, &self.force].into_iter().flatten() {
             table.give_unit(named, split(named));
         }

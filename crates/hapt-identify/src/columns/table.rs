@@ -1,5 +1,7 @@
 //! A table of another program, before its columns are interpreted.
 
+use std::borrow::Cow;
+
 use super::could_be;
 use crate::Error;
 
@@ -17,18 +19,13 @@ pub(crate) struct Table<'a> {
 
 impl<'a> Table<'a> {
     pub fn new(text: &'a str) -> Result<Self, Error> {
-        let lines = text.trim_start_matches('\u{feff}').lines().zip(1..).filter(|(line, _)| is_content(line));
+        let lines = text.lines().zip(1..).filter(|(line, _)| is_content(line));
         let mut below: Vec<(&str, usize)> = lines.collect();
         if below.is_empty() {
             return Err(Error::Columns("the file is empty".into()));
         }
         let (header, _) = below.remove(0);
-        let count = |c: &char| header.matches(*c).count();
-        let separator = [',', ';', '\t'].into_iter().filter(|c| count(c) > 0).max_by_key(count);
-        // Spaces separate columns where a line of numbers has as many of them as the header has words.
-        let words = |line: &str| line.split_whitespace().count();
-        let are_columns = words(header) > 1 && below.first().is_some_and(|(line, _)| words(line) == words(header));
-        let separator = separator.unwrap_or(if are_columns { ' ' } else { ',' });
+        let separator = separator(header, below.first().map(|(line, _)| *line));
         let names: Vec<&str> = fields(header, separator).map(|name| name.trim_matches('"')).collect();
         if names.iter().all(|name| name.replace(',', ".").parse::<f64>().is_ok()) {
             return Err(Error::Columns(
@@ -128,6 +125,52 @@ impl<'a> Table<'a> {
         }
         format!("the columns are {}", all.join(", "))
     }
+}
+
+/// The character between the fields of a header; spaces where the line below has as many words.
+fn separator(header: &str, below: Option<&str>) -> char {
+    let count = |c: &char| header.matches(*c).count();
+    let separator = [',', ';', '\t'].into_iter().filter(|c| count(c) > 0).max_by_key(count);
+    let words = |line: &str| line.split_whitespace().count();
+    let are_columns = words(header) > 1 && below.is_some_and(|line| words(line) == words(header));
+    separator.unwrap_or(if are_columns { ' ' } else { ',' })
+}
+
+/// The text with the units of a line of units below the header behind its names, as in `angle [deg]`. The line stays as a comment, so that
+/// lines keep their numbers.
+pub(super) fn with_units(text: &str) -> Cow<'_, str> {
+    let text = text.trim_start_matches('\u{feff}');
+    let joined = || {
+        let mut content = text.lines().enumerate().filter(|(_, line)| is_content(line));
+        let ((at, header), (below, units)) = (content.next()?, content.next()?);
+        let separator = separator(header, Some(units));
+        let names: Vec<&str> = fields(header, separator).map(|name| name.trim_matches('"')).collect();
+        let plain = |unit: &str| unit.trim_matches(|c| "[]()\"".contains(c)).trim().to_string();
+        let units: Vec<String> = fields(units, separator).map(plain).collect();
+        let is_unit =
+            |unit: &String| ["time", "position", "torque"].iter().any(|what| could_be(&format!("x [{unit}]"), what));
+        // A line with a number in it is a sample.
+        let are_units =
+            units.iter().any(is_unit) && units.iter().all(|unit| unit.replace(',', ".").parse::<f64>().is_err());
+        if units.len() != names.len() || !are_units {
+            return None;
+        }
+        let named = names.iter().zip(&units).map(|(name, unit)| match unit.as_str() {
+            "" | "-" => (*name).to_string(),
+            unit => format!("{name} [{unit}]"),
+        });
+        // Names with spaces are between tabs then.
+        let between = if separator == ' ' { "\t" } else { &separator.to_string() };
+        let header = named.collect::<Vec<String>>().join(between);
+        let line = |(i, line): (usize, &str)| match i {
+            i if i == at => header.clone(),
+            i if i == below => format!("# {line}"),
+            _ if separator == ' ' => line.split_whitespace().collect::<Vec<&str>>().join("\t"),
+            _ => line.to_string(),
+        };
+        Some(text.lines().enumerate().map(line).collect::<Vec<String>>().join("\n"))
+    };
+    joined().map_or(Cow::Borrowed(text), Cow::Owned)
 }
 
 /// The fields of a line; one that begins or ends with spaces has no more of them for it.

@@ -171,3 +171,25 @@ fn a_table_without_names_or_separators_says_which_are_expected() {
     let error = read("t_s,master_rad,slave_rad,tau_Nm\n0,1,2,1\n1,2,3,-1\n");
     assert!(error.contains("by their units 2 columns may be the position"), "{error}");
 }
+
+#[test]
+fn a_line_of_units_below_the_names_gives_them_units() {
+    let read = |text: &str| Columns::parse("").unwrap().read(text).unwrap().0;
+    for text in [
+        "Time,Angle,Torque,Note\nms,deg,mN.m,\n0,90,5,1\n2.5,-90,-7,1\n",
+        "\u{feff}# of a rig\nTime;Angle;Torque\n[ms];(deg);\"mN.m\"\n0;90;5\n2,5;-90;-7\n",
+        "Time\tAngle\tTorque\nms\tdeg\tmNm\n0\t90\t5\n2.5\t-90\t-7\n",
+        "Time  Angle Torque\nms    deg   mNm\n 0    90    5\n 2.5  -90   -7\n",
+    ] {
+        let [times, positions, torques] = read(text);
+        near(&times, &[0.0, 2.5e-3]);
+        near(&positions, &[std::f64::consts::FRAC_PI_2, -std::f64::consts::FRAC_PI_2]);
+        near(&torques, &[5e-3, -7e-3]);
+    }
+    // A line with words but without units is a broken sample, and lines keep their numbers.
+    let wrong = |text: &str| Columns::parse("").unwrap().read(text).unwrap_err().to_string();
+    let words = wrong("t_s,angle_rad,tau_Nm\non,off,on\n0,1,2\n");
+    assert!(words.contains("line 2") && words.contains("\"off\""), "{words}");
+    let words = wrong("t,angle,tau\ns,rad,Nm\n0,1,2\n0.1,1,x\n");
+    assert!(words.contains("line 4") && words.contains("\"x\""), "{words}");
+}
