@@ -161,6 +161,26 @@ pub(crate) fn flattest(law: &Law) -> (f64, f64) {
     if let Law::Lugre { viscous, .. } = *law { (0.0, viscous) } else { (0.0, 0.0) }
 }
 
+/// The q over which a law has its steepest slope, ends not included; none where that is everywhere, or at places that repeat.
+pub(crate) fn steep_over(law: &Law) -> Vec<[f64; 2]> {
+    match *law {
+        Law::Wall { side: Side::Above, at, .. } => vec![[at, f64::INFINITY]],
+        Law::Wall { side: Side::Below, at, .. } => vec![[f64::NEG_INFINITY, at]],
+        Law::DeadBand { rest, width, .. } => vec![[f64::NEG_INFINITY, rest - width], [rest + width, f64::INFINITY]],
+        // At its place, and next to it from either side.
+        Law::Magnet { at, .. } => vec![[at.next_down().next_down(), at.next_up().next_up()]],
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Detent { .. }
+        | Law::Texture { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Integral { .. }
+        | Law::Assist { .. }
+        | Law::Constant { .. } => Vec::new(),
+    }
+}
+
 /// The largest torque of a coupling; infinite where it has no bound of its own.
 pub(crate) fn most(coupling: &Coupling) -> f64 {
     let own = match coupling.law {

@@ -330,7 +330,7 @@ impl Fit {
             let other = pair(at);
             tried += usize::from(other.is_some());
             let fit = other.and_then(|_| {
-                if !ahead.front().is_some_and(|front| front.0 == at) {
+                if ahead.front().is_none_or(|front| front.0 != at) {
                     // Most pairs are joined: as many at once as there are threads.
                     let next = (at..self.shots.len()).step_by(2).take(rayon::current_num_threads());
                     let next: Vec<usize> = next.collect();
