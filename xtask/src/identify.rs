@@ -4,6 +4,7 @@
 //! differences of the devices' own motion.
 
 mod bench;
+mod contact;
 mod handle;
 mod measured;
 mod records;

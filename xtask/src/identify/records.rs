@@ -9,13 +9,15 @@ use anyhow::{Context, Result};
 use hapt_identify::{Claims, Columns, Error, Interval, Known, Puck, Record, TorqueFit, Verdict, against, fit_torque};
 use hapt_model::{Source, World};
 
+use super::contact::contacts;
+
 /// Next to the project, if they are there.
 const FOLDER: &str = "../shared/data/tue";
 /// By the lab's frequency response, kg m².
-const LAB: f64 = 1.0 / 631.36;
+pub(super) const LAB: f64 = 1.0 / 631.36;
 /// Records of a lever that moves freely, and for how long its motion is predicted, s.
 const FREE: [&str; 4] = ["m1-a-free", "m1-e-free", "m2-a-free", "m2-d-free"];
-const HORIZONS: [f64; 3] = [0.1, 0.3, 1.0];
+pub(super) const HORIZONS: [f64; 3] = [0.1, 0.3, 1.0];
 /// The last record's device with the motor turned round.
 const TURNED: &str = "m2-d-free, motor turned round";
 /// Lengths of stretches, s.
@@ -68,13 +70,15 @@ pub fn text() -> Result<Option<String>> {
     }
     text += "\n### The levers' free motion\n\n";
     text += &predicted(&folder)?;
+    text += "\n### The levers in contact\n\n";
+    text += &contacts(&folder)?;
     text += "\n### The levers against a file\n\n";
     text += &compared(&folder)?;
     Ok(Some(text))
 }
 
 /// A record of the slave's lever, with the torque of its motor or of its sensor.
-fn lever(folder: &Path, name: &str, torque: &str) -> Result<Record> {
+pub(super) fn lever(folder: &Path, name: &str, torque: &str) -> Result<Record> {
     let path = folder.join(format!("{name}.csv"));
     let table = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
     let columns = Columns::parse(&format!("time=time_s,position=slave_rad,torque=slave_{torque}_Nm"))?;
@@ -82,23 +86,37 @@ fn lever(folder: &Path, name: &str, torque: &str) -> Result<Record> {
     Ok(Record::new(read.times, read.positions, read.torques)?)
 }
 
-/// The share of the motion that a puck predicts from the torques over a horizon in s, begun anew from the measured position and velocity.
-fn share(puck: Puck, record: &Record, horizon: f64) -> f64 {
-    let (times, positions, torques) = (record.times(), record.positions(), record.torques());
+/// The velocity at a sample, over 10 ms.
+pub(super) fn speed(record: &Record, k: usize) -> f64 {
+    let (times, positions) = (record.times(), record.positions());
+    let half = (5e-3 / record.period()).round() as usize;
+    let (from, to) = (k.saturating_sub(half), (k + half).min(times.len() - 1));
+    (positions[to] - positions[from]) / (times[to] - times[from])
+}
+
+/// The share of the motion that is predicted over a horizon in s, begun anew at its end; `predicted`: the positions from a sample on, and how
+/// many.
+pub(super) fn share(record: &Record, horizon: f64, predicted: impl Fn(usize, usize) -> Vec<f64>) -> f64 {
+    let positions = record.positions();
     let length = (horizon / record.period()).round() as usize;
-    // The velocity over 10 ms.
     let half = (5e-3 / record.period()).round() as usize;
     let (mut left, mut all) = (0.0, 0.0);
-    for k in (half..times.len() - length - half).step_by(length) {
-        let velocity = (positions[k + half] - positions[k - half]) / (times[k + half] - times[k - half]);
-        let puck = Puck { position: positions[k], velocity, ..puck };
-        let predicted = puck.positions(&times[k..k + length], &torques[k..k + length]);
-        for (z, seen) in predicted.iter().zip(&positions[k..]) {
+    for k in (half..positions.len() - length - half).step_by(length) {
+        for (z, seen) in predicted(k, length).iter().zip(&positions[k..]) {
             left += (z - seen).powi(2);
             all += (seen - positions[k]).powi(2);
         }
     }
     1.0 - left / all
+}
+
+/// The same of a puck, from the measured position and velocity.
+fn share_of(puck: Puck, record: &Record, horizon: f64) -> f64 {
+    let (times, positions, torques) = (record.times(), record.positions(), record.torques());
+    share(record, horizon, |k, length| {
+        let puck = Puck { position: positions[k], velocity: speed(record, k), ..puck };
+        puck.positions(&times[k..k + length], &torques[k..k + length])
+    })
 }
 
 fn predicted(folder: &Path) -> Result<String> {
@@ -137,7 +155,7 @@ fn predicted(folder: &Path) -> Result<String> {
                 if *name == by {
                     return "itself".into();
                 }
-                match 100.0 * share(puck, record, horizon) {
+                match 100.0 * share_of(puck, record, horizon) {
                     part if part > 0.0 => format!("{part:.1} %"),
                     _ => "none".into(),
                 }
