@@ -2,14 +2,14 @@
 
 use hapt_analysis::{Status, check, free};
 use hapt_core::Waveform;
-use hapt_model::{Coupling, Delay, End, Law, Method, Output, Side, World};
+use hapt_model::{Coupling, Delay, End, Law, Method, Output, Side, Source, World};
 use proptest::prelude::*;
 
 use crate::common::*;
 
 const PERIOD: f64 = 1e-3;
 
-/// A wall, dead band, magnet or spring between puck and ground, with the ends in either order.
+/// A wall, dead band or spring between puck and ground, with the ends in either order.
 fn law() -> impl Strategy<Value = Coupling> {
     let side = prop_oneof![Just(Side::Above), Just(Side::Below)];
     // Places in steps, so that faces meet.
@@ -19,7 +19,6 @@ fn law() -> impl Strategy<Value = Coupling> {
     let law = prop_oneof![
         3 => (side, at(), stiffness(), damping).prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping }),
         1 => (at(), 0..3i32, stiffness()).prop_map(|(rest, width, stiffness)| Law::DeadBand { rest, width: 0.1 * f64::from(width), stiffness }),
-        1 => (stiffness(), 0.02..0.2f64, at()).prop_map(|(stiffness, width, at)| Law::Magnet { torque: stiffness * width / 1f64.exp().sqrt(), width, at }),
         1 => stiffness().prop_map(|stiffness| Law::Spring { stiffness, rest: 0.05 }),
     ];
     (law, any::<bool>()).prop_map(|(law, turned)| {
@@ -35,10 +34,6 @@ fn slopes(coupling: &Coupling, z: f64) -> [f64; 2] {
         Law::Wall { side: Side::Above, at, stiffness, damping } if q > at => [stiffness, damping],
         Law::Wall { side: Side::Below, at, stiffness, damping } if q < at => [stiffness, damping],
         Law::DeadBand { rest, width, stiffness } if (q - rest).abs() > width => [stiffness, 0.0],
-        Law::Magnet { torque, width, at } => {
-            let x = (q - at) / width;
-            [1f64.exp().sqrt() * torque / width * (1.0 - x * x) * (-0.5 * x * x).exp(), 0.0]
-        }
         Law::Spring { stiffness, .. } => [stiffness, 0.0],
         _ => [0.0; 2],
     }
@@ -46,7 +41,7 @@ fn slopes(coupling: &Coupling, z: f64) -> [f64; 2] {
 
 /// KT/2 + B where it is largest.
 fn required(couplings: &[Coupling]) -> f64 {
-    // Next to faces and at magnets, which stand at tenths.
+    // Next to faces, which stand at tenths.
     let near = (-80..=80i32).flat_map(|i| [-1e-9, 0.0, 1e-9].map(|to| 0.01 * f64::from(i) + to));
     let at = |z: f64| couplings.iter().map(|c| slopes(c, z)).fold([0.0; 2], |[k, b], [dk, db]| [k + dk, b + db]);
     near.map(at).map(|[k, b]| 0.5 * k * PERIOD + b).fold(0.0, f64::max)
@@ -69,15 +64,9 @@ proptest! {
         let needs = required(&couplings);
         let damping = needs * share;
         let found = check(&world(couplings.clone(), damping)).unwrap();
-        let has_magnet = couplings.iter().any(|c| matches!(c.law, Law::Magnet { .. }));
-        if share > 1.0 + 1e-6 {
-            // Between the places of magnets their slopes are taken as 0 or as that of their place.
-            prop_assert!(found.status != Status::Refuted || has_magnet, "{found:?}");
-        }
-        if share < 1.0 - 1e-6 {
-            let expected = if has_magnet { found.status != Status::Certified } else { found.status == Status::Refuted };
-            prop_assert!(expected, "{found:?}");
-        }
+        let expected = (share < 1.0 - 1e-6).then_some(Status::Refuted);
+        prop_assert!(found.status == Status::Refuted || expected.is_none(), "{found:?}");
+        prop_assert!(found.status != Status::Refuted || share < 1.0 + 1e-6, "{found:?}");
     }
 }
 
@@ -96,6 +85,33 @@ fn walls_that_face_each_other_refute_one_by_one() {
     );
     // Between these both push.
     assert_eq!([4.9e-3, 5.1e-3].map(|b| status(-0.1, b)), [Status::Refuted, Status::Certified]);
+}
+
+/// A magnet has its steepest slope at its place.
+#[test]
+fn magnets_at_two_places_refute_one_by_one() {
+    let status = |at: f64, damping: f64| {
+        let magnet = |at: f64| {
+            format!(
+                "[[couplings]]\nkind = \"magnet\"\nbetween = [\"puck\", \"ground\"]\ntorque = 0.06\nwidth = 0.02\nat = {at}\n"
+            )
+        };
+        let text = format!(
+            "loop = {{ period = 1e-3, estimator = \"difference\" }}\ndevice = {{ inertia = 6.4e-4, damping = {damping} }}\n{}{}",
+            magnet(at),
+            magnet(-at)
+        );
+        check(&World::read(&Source::from_text("magnets.toml", text), &[]).unwrap()).unwrap().status
+    };
+    // Each needs √e 0.06/0.02 T/2.
+    let one = 0.5e-3 * 1f64.exp().sqrt() * 3.0;
+    let shares = [0.99, 1.01, 1.99, 2.01];
+    let expected = [Status::Refuted, Status::Open, Status::Open, Status::Certified];
+    assert_eq!(shares.map(|share| status(0.2, share * one)), expected);
+    assert_eq!(
+        shares.map(|share| status(0.0, share * one))[1..],
+        [Status::Refuted, Status::Refuted, Status::Certified]
+    );
 }
 
 /// Eigenvalues of slopes that no position has say nothing: with a delay, the loop of both walls grows and that of each does not.
