@@ -6,6 +6,7 @@
 mod bench;
 mod contact;
 mod handle;
+mod lever;
 mod measured;
 mod records;
 mod richer;

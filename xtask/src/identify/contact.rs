@@ -11,7 +11,7 @@ use hapt_model::{DeviceSpec, Stops};
 use hapt_plant::VirtualDevice;
 use nalgebra::{Matrix3, Vector3};
 
-use super::records::{HORIZONS, LAB, lever, share, speed};
+use super::lever::{HORIZONS, LAB, lever, share, speed};
 
 const RECORDS: [&str; 2] = ["m1-a-spring", "m1-c-foam"];
 /// The record in free motion that determines its inertia best.
