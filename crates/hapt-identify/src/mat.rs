@@ -3,6 +3,7 @@
 //! The format is that of MathWorks, "MAT-File Format", 2021. Real numeric arrays of any class are read, also those in structs and in arrays of
 //! structs, also compressed ones; other contents of a file are left out. Files of level 7.3 are HDF5 and are not read.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read as _;
 
 use flate2::read::ZlibDecoder;
@@ -16,6 +17,9 @@ const LARGEST: u64 = 64 << 20;
 const DEEPEST: usize = 4;
 /// The most columns or rows of a matrix that are read one by one.
 const WIDEST: usize = 64;
+
+/// The longest label, in characters.
+const LABEL: usize = 80;
 
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
@@ -54,9 +58,9 @@ pub fn is_mat(bytes: &[u8]) -> bool {
     bytes.starts_with(b"MATLAB ") || bytes.starts_with(HDF5)
 }
 
-/// The table of a MATLAB file: the arrays of one length, of which there are two or more, with most of its numbers. A column of a matrix, or a row of one that is wider
-/// than long, is `name:1`, a field of a struct `name.field`, and one of the second struct of an array of them `name:2.field`. The time of
-/// a struct with `time` and `signals`, as Simulink's scopes write it, is in seconds.
+/// The table of a MATLAB file: the arrays of one length, of which there are two or more, with most of its numbers. A column of a matrix, or a
+/// row of one that is wider than long, is `name:1`, a field of a struct `name.field`, and one of the second struct of an array of them
+/// `name:2.field`. The time of a struct with `time` and `signals`, as Simulink's scopes write it, is in seconds.
 ///
 /// # Errors
 /// [`Error::Columns`] for a file of another level, one that is cut short, and one without two numeric arrays of one length.
@@ -105,16 +109,19 @@ pub fn mat_table(bytes: &[u8]) -> Result<MatTable, Error> {
         }
     }
     let Found { mut columns, mut labels } = found;
-    let count = |length: usize| columns.iter().filter(|column| column.1.len() == length).count();
-    let lengths = columns.iter().map(|column| column.1.len()).filter(|length| *length > 1 && count(*length) > 1);
+    let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
+    columns.iter().for_each(|column| *counts.entry(column.1.len()).or_default() += 1);
+    let lengths = counts.into_iter().filter(|(length, count)| *length > 1 && *count > 1);
     // The record has most of the file's numbers: two lists of a reference may be longer than its signals.
-    let Some(length) = lengths.max_by_key(|length| (length * count(*length), *length)) else {
+    let Some((length, _)) = lengths.max_by_key(|(length, count)| length * count) else {
         return Err(wrong(
             "has no two numeric arrays of one length; expected a time, a position and a torque, each an array of its own or a column of one",
         ));
     };
     columns.retain(|column| column.1.len() == length);
-    labels.retain(|(name, _)| columns.iter().any(|column| column.0.starts_with(&format!("{name}."))));
+    let parents: BTreeSet<&str> =
+        columns.iter().flat_map(|column| column.0.match_indices('.').map(|(end, _)| &column.0[..end])).collect();
+    labels.retain(|(name, _)| parents.contains(name.as_str()));
     let names: Vec<&str> = columns.iter().map(|column| column.0.as_str()).collect();
     let mut text = names.join(",") + "\n";
     for i in 0..length {
@@ -231,7 +238,7 @@ fn letters(reader: &mut Reader<'_>, is_big: bool) -> Option<String> {
             .collect(),
     };
     let words: Vec<&str> = text.split_whitespace().collect();
-    (!words.is_empty()).then(|| words.join(" "))
+    (!words.is_empty()).then(|| words.join(" ").chars().take(LABEL).collect())
 }
 
 /// An array's flags, dimensions and name.

@@ -263,10 +263,9 @@ impl Check {
             return format!("passive against every passive hand{linear}: it requires a device damping of {requires}");
         }
         if !is_covered && (required <= device_damping || !self.passivity.is_refuted) {
-            let nowhere = if required <= device_damping { "" } else { ", which no position of the puck has together" };
             return format!(
                 "not known to be passive: no theorem covers it, and the linear loop requires a device damping of {requires} at the worst of its \
-                 slopes{nowhere}"
+                 slopes"
             );
         }
         let more = short(required - device_damping);

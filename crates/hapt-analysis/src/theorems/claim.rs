@@ -73,12 +73,12 @@ impl Claim {
             Demand::Enough { damping, at_hz, is_least } => {
                 let required = rounded_requirement(device_damping, damping);
                 if required > device_damping {
-                    is_refuted = is_least || lacks(world, timing, wanted, is_covered)?;
+                    is_refuted = is_least && !is_estimated || lacks(world, timing, wanted)?;
                 }
                 (Some(required), at_hz, None)
             }
             Demand::Never { cause, at_hz } => {
-                is_refuted = !is_estimated || lacks(world, timing, wanted, is_covered)?;
+                is_refuted = !is_estimated || lacks(world, timing, wanted)?;
                 (None, at_hz, Some(cause))
             }
             Demand::Outside(why) => {
@@ -150,14 +150,12 @@ impl Claim {
     }
 }
 
-/// Whether the linear loop lacks damping at slopes that the world has at one position: a sufficient bound that requires more is no refutation,
-/// and with theorems (`is_covered`) neither is the estimate of a timing that has no least damping.
-fn lacks(world: &World, timing: Timing, wanted: Wanted, is_covered: bool) -> Result<bool, Error> {
-    let has_least = timing.is_even() && timing.lag[0] == timing.lag[1] || timing.is_at_once();
+/// Whether the linear loop needs more damping at slopes that the world has at one position: a bound that is only enough refutes nothing.
+fn lacks(world: &World, timing: Timing, wanted: Wanted) -> Result<bool, Error> {
     for near in at_positions(world) {
         let lacks = match estimate(&near, timing, wanted)? {
-            Demand::Enough { damping, .. } => {
-                (has_least || !is_covered) && rounded_requirement(world.device.damping, damping) > world.device.damping
+            Demand::Enough { damping, is_least, .. } => {
+                is_least && rounded_requirement(world.device.damping, damping) > world.device.damping
             }
             Demand::Never { .. } => true,
             Demand::Outside(_) => false,

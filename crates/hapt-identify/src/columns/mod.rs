@@ -287,11 +287,11 @@ impl Columns {
                     let has = |i: &usize| {
                         usual.iter().any(|word| word.len() > 2 && split(names[*i]).0.to_lowercase().contains(word))
                     };
-                    (0..names.len()).filter(has).filter(|i| table.moves(*i) && could_be(names[*i], what)).collect()
+                    (0..names.len()).filter(has).filter(|i| could_be(names[*i], what) && table.moves(*i)).collect()
                 };
                 // No name matches: the only column with such a unit that changes.
                 let by_unit = || -> Vec<usize> {
-                    (0..names.len()).filter(|i| table.moves(*i) && could_be(names[*i], what)).collect()
+                    (0..names.len()).filter(|i| could_be(names[*i], what) && table.moves(*i)).collect()
                 };
                 let only = |places: Vec<usize>| {
                     let units = if places.is_empty() { by_unit() } else { Vec::new() };

@@ -179,6 +179,45 @@ fn a_hand_that_nothing_measures_gives_no_wrong_sign() {
     assert!(10 * held >= 9 * determined - 10, "{held} of {determined}");
 }
 
+/// A hand moves a master whose motor renders the inertia of another lever: the torque is the law of a loop, without friction, and its sign is
+/// against the device's. What the other lever meets goes with nothing that the record has.
+#[test]
+fn the_rendered_inertia_of_another_lever_is_not_the_devices() {
+    let mut told = [0, 0];
+    for seed in hapt_testing::seeds(24) {
+        let mut rng = Rng::with_seed(seed);
+        let (inertia, damping) = (2e-4 + 2e-4 * rng.f64(), 2e-3 + 4e-3 * rng.f64());
+        let waves: Vec<[f64; 3]> = (0..6)
+            .map(|_| [0.01 + 0.03 * rng.f64(), std::f64::consts::TAU * (1.0 + 4.0 * rng.f64()), 7.0 * rng.f64()])
+            .collect();
+        let sum = |t: f64, order: i32| -> f64 {
+            let quarter = std::f64::consts::FRAC_PI_2 * f64::from(order);
+            waves.iter().map(|[size, rate, phase]| size * rate.powi(order) * (rate * t + phase + quarter).sin()).sum()
+        };
+        let times: Vec<f64> = (0..9000).map(|k| 5e-4 * f64::from(k)).collect();
+        let law: Vec<f64> = times.iter().map(|t| inertia * sum(*t, 2) + damping * sum(*t, 1)).collect();
+        // Of 3 to 4.5 % of the variance, below 8 Hz or so.
+        let (mut slow, mut slower) = (0.0, 0.0);
+        let other: Vec<f64> = (0..times.len())
+            .map(|_| {
+                slow += 0.025 * (rng.f64() - 0.5 - slow);
+                slower += 0.025 * (slow - slower);
+                slower
+            })
+            .collect();
+        let size = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
+        let part = (0.03 + 0.015 * rng.f64()).sqrt() * size(&law) / size(&other);
+        let positions: Vec<f64> = times.iter().map(|t| (sum(*t, 0) / 2e-5).round() * 2e-5).collect();
+        for (i, other_part) in [0.0, part].into_iter().enumerate() {
+            let torques = law.iter().zip(&other).map(|(law, other)| law + other_part * other).collect();
+            let found = fit(&Record::new(times.clone(), positions.clone(), torques).unwrap());
+            told[i] += i32::from(found.sign.is_some() || found.inertia.is_some());
+        }
+    }
+    // Without anything else the record is that of a free lever of this inertia.
+    assert!(told[0] > 0 && told[1] == 0, "{told:?}");
+}
+
 /// In a loop a delay is a damping: the interval allows for a delay between those that are tried.
 #[test]
 fn the_damping_of_a_loop_holds_whatever_its_delay() {
