@@ -343,6 +343,11 @@ class Checker(unittest.TestCase):
         self.accepts(alone("", 5e-4, SPRING, device='friction = "1 N mm ± 50 %"\n' + changing) + push, proof(**given))
         self.accepts(alone("", 5e-4, SPRING, 'kind = "assist"\ntorque = "1 N mm"\nvelocity = 1', device=enough), proof(**given))
         self.refuses(alone("", 5e-4, SPRING, 'kind = "assist"\ntorque = "1.001 N mm"\nvelocity = 1', device=enough), proof(**given))
+        lift = 'kind = "acceleration"\ninertia = "1e-4 kg m^2"\ncutoff = "10 Hz"\nlimit = "1 N mm"'
+        self.accepts(alone("", 5e-4, SPRING, lift, device=enough), proof(**given))
+        for wrong in (lift.replace("1 N mm", "1.001 N mm"), lift.replace('limit = "1 N mm"', ""), lift.replace("cutoff", "cutof"), lift + "\ndamping = 1"):
+            with self.subTest(coupling=wrong):
+                self.refuses(alone("", 5e-4, SPRING, wrong, device=enough), proof(**given))
         for wrong in (push.replace("0.5", "1.1"), push.replace('velocity = "0.1 rad/s"\n', ""), push + push, push.replace("friction", "gravity")):
             with self.subTest(compensation=wrong):
                 result, _ = code(alone("", 5e-4, SPRING, device=enough) + wrong, proof(**given))

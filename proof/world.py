@@ -125,7 +125,7 @@ class Coupling:
     def __init__(self, table, ends):
         if table.left.get("kind") == "texture":
             raise Refused(f"{table.name}: no theorem here covers a coupling of the kind {table.left['kind']}")
-        kinds = ("spring", "damper", "wall", "detent", "dead-band", "magnet", "constant", "friction", "integral", "assist")
+        kinds = ("spring", "damper", "wall", "detent", "dead-band", "magnet", "constant", "friction", "integral", "assist", "acceleration")
         self.kind = table.name_of("kind", kinds)
         between = table.take("between")
         if type(between) is not list or len(between) != 2 or any(type(end) is not str for end in between):
@@ -192,6 +192,13 @@ class Coupling:
         table.number("velocity", VELOCITY, positive=True)
         self.within_friction(table, table.number("torque", TORQUE))
 
+    def read_acceleration(self, table):
+        table.number("inertia", INERTIA)
+        table.number("cutoff", FREQUENCY, positive=True)
+        if "limit" not in table.left:
+            raise Refused(f"{table.name}: no theorem here covers a torque along the acceleration without a limit")
+        self.within_friction(table, table.number("limit", TORQUE, positive=True))
+
     def within_friction(self, table, most):
         """(T76): friction of the device takes a torque of this size at most, whatever it is."""
         if self.ends != {"puck", "ground"}:
@@ -222,7 +229,7 @@ class Coupling:
 
     def is_linear(self):
         """Or taken by friction, so that it is none of the couplings of the rest."""
-        return self.kind in ("spring", "damper", "constant", "friction", "integral", "assist") and self.limit is None
+        return self.kind in ("spring", "damper", "constant", "friction", "integral", "assist", "acceleration") and self.limit is None
 
 
 WHOLE = Fraction(1, 10**6)  # a delay this near to a whole sample is that sample

@@ -239,6 +239,10 @@ fn linear(coupling: &Coupling) -> Option<Coupling> {
     if let (Law::Integral { stiffness, time, .. }, None) = (coupling.law, coupling.limit) {
         return Some(Coupling { law: Law::Integral { stiffness, time, rest: 0.0 }, ..*coupling });
     }
+    // So is a torque along the acceleration.
+    if let (Law::Acceleration { .. }, None) = (coupling.law, coupling.limit) {
+        return Some(*coupling);
+    }
     let linear = coupling.linear()?;
     let law = if linear.stiffness == 0.0 {
         Law::Damper { damping: linear.damping }

@@ -227,7 +227,7 @@ fn role(kind: Kind, row: &Key, path: &str) -> Option<Role> {
         ["bodies", _, _] => Some(Role::Fixed),
         ["couplings", _, "kind"] => None,
         ["couplings", _, _] if matches!(row.takes, Takes::Name(_)) => Some(Role::Fixed),
-        ["couplings", _, _] | ["compensation", _, "share" | "velocity"] => Some(Role::Tunable),
+        ["couplings", _, _] | ["compensation", _, "share" | "velocity" | "cutoff"] => Some(Role::Tunable),
         _ => None,
     }
 }

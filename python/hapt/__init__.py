@@ -13,6 +13,7 @@ A number is in SI; a string has a unit. The package and the command line use the
 
 from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst
 from ._build import (
+    Acceleration,
     Assist,
     Constant,
     Damper,
@@ -47,6 +48,7 @@ from ._world import World, design, identify, load, measures
 Network = World
 
 __all__ = [
+    "Acceleration",
     "Boundary",
     "Check",
     "Comparison",

@@ -143,6 +143,15 @@ class Assist(Coupling):
 
 
 @dataclass(frozen=True)
+class Acceleration(Coupling):
+    """A compensation of inertia between puck and ground: inertia times the change of the velocity behind a low-pass, within ±limit."""
+
+    inertia: Quantity
+    cutoff: Quantity
+    limit: Optional[Quantity] = None
+
+
+@dataclass(frozen=True)
 class Constant(Coupling):
     """A constant torque on the first end."""
 

@@ -217,7 +217,8 @@ fn kinds(table: &str, names: &[&'static str]) -> Vec<(&'static str, Vec<&'static
 /// x_{k+1} = (1 + d) x_k + current u_k                                  the others
 /// ```
 ///
-/// The last state is i_{k-1} where integral terms act on the puck, i_k = i_{k-1} + T z_k. The constant part (rest positions, constants) is
+/// The last states are i_{k-1} where integral terms act on the puck, i_k = i_{k-1} + T z_k, and s_{k-1} of every torque along the acceleration,
+/// s_k = s_{k-1} + T (v_k - s_{k-1})/(τ + T). The constant part (rest positions, constants) is
 /// left out. Nonlinear couplings have their steepest slope.
 pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
     let sampling = &world.sampling;
@@ -231,11 +232,17 @@ pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
         true => (&step.previous + &whole * &step.current, puck + &state * &step.current),
         false => (step.current.clone(), puck),
     };
-    let integral: f64 = linearise(&world.bodies, &world.couplings, &Slopes::Steep)?.iter().map(|c| c.integral).sum();
-    let (whole, input, state, direct) = match integral > 0.0 {
-        true => with_integral((whole, input, state, direct), integral, sampling.period),
-        false => (whole, input, state, direct),
-    };
+    let terms = linearise(&world.bodies, &world.couplings, &Slopes::Steep)?;
+    let (integral, period): (f64, f64) = (terms.iter().map(|c| c.integral).sum(), sampling.period);
+    let mut system = (whole, input, state, direct);
+    if integral > 0.0 {
+        system = with_state(system, [1.0, period, 0.0], [-integral, -integral * period, 0.0]);
+    }
+    for acceleration in terms.iter().filter_map(|term| term.acceleration) {
+        let (part, gain) = (acceleration.part(period), acceleration.of_change(period));
+        system = with_state(system, [1.0 - part, 0.0, part], [-gain, 0.0, gain]);
+    }
+    let (whole, input, state, direct) = system;
     let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> { m.row_iter().map(|row| row.iter().copied().collect()).collect() };
     let (a, b) = device(&world.device);
     let filters = Filter::of(sampling, sampling.period);
@@ -252,13 +259,15 @@ pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
 /// A state space from (z_k, v_k) to a torque, by its matrices.
 type System = (DMatrix<f64>, DMatrix<f64>, DMatrix<f64>, DMatrix<f64>);
 
-/// The same with the torque -gain i_k, i_k = i_{k-1} + T z_k, and i_{k-1} as the last state.
-fn with_integral((a, b, c, mut d): System, gain: f64, period: f64) -> System {
+/// The same with one more state, the last: its next value and its torque, each by itself before the sample, by z_k and by v_k.
+fn with_state((a, b, c, mut d): System, next: [f64; 3], torque: [f64; 3]) -> System {
     let order = a.nrows();
     let (mut a, mut b) = (a.resize(order + 1, order + 1, 0.0), b.resize_vertically(order + 1, 0.0));
     let mut c = c.resize_horizontally(order + 1, 0.0);
-    (a[(order, order)], b[(order, 0)], c[(0, order)]) = (1.0, period, -gain);
-    d[(0, 0)] -= gain * period;
+    (a[(order, order)], b[(order, 0)], b[(order, 1)]) = next.into();
+    c[(0, order)] = torque[0];
+    d[(0, 0)] += torque[1];
+    d[(0, 1)] += torque[2];
     (a, b, c, d)
 }
 

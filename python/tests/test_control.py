@@ -16,9 +16,9 @@ HANDLE = {"inertia": 5e-4, "stiffness": 20.0, "damping": 1e-3}
 
 
 def random_world(
-    rng: np.random.Generator, device: Optional[dict[str, Any]] = None, integral: float = 0.0, **loop: Any
+    rng: np.random.Generator, device: Optional[dict[str, Any]] = None, integral: float = 0.0, along: float = 0.0, **loop: Any
 ) -> hapt.World:
-    """A body on a spring and a damper, all tied to ground, so that every mode decays; and an integral term at the puck."""
+    """A body on a spring and a damper, all tied to ground, so that every mode decays; and an integral term and a torque along the acceleration at the puck."""
 
     def log(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(np.log(low), np.log(high))))
@@ -33,13 +33,14 @@ def random_world(
             hapt.Spring(("wheel", "ground"), stiffness=log(0.03, 1)),
             hapt.Damper(("wheel", "ground"), damping=log(1e-3, 3e-2)),
             *([hapt.Integral(("ground", "puck"), stiffness=integral, time=0.5)] if integral else []),
+            *([hapt.Acceleration(("ground", "puck"), inertia=along, cutoff=20.0)] if along else []),
         ],
     )
 
 
 @pytest.mark.parametrize("estimator", ["exact", "difference", "low-pass", "foaw", "foaw-best", "kalman", "levant"])
 @pytest.mark.parametrize("delay", [0.0, 0.4e-3, 1e-3, 2.7e-3])
-@pytest.mark.parametrize("more", [{}, {"filter": 60.0, "every": 4}, {"integral": 0.3}, {"integral": 0.3, "filter": 60.0}])
+@pytest.mark.parametrize("more", [{}, {"filter": 60.0, "every": 4}, {"integral": 0.3}, {"integral": 0.3, "filter": 60.0}, {"integral": 0.3, "along": 1e-4}, {"along": 5e-5}])
 def test_the_loop_s_state_space_has_the_eigenvalues_of_the_check(
     estimator: str, delay: float, more: dict[str, Any]
 ) -> None:
@@ -72,10 +73,11 @@ def test_a_lagging_motor_and_a_handle_are_in_the_loop(delay: float, lag: float, 
 
 
 @pytest.mark.parametrize("integral", [0.0, 0.3])
-def test_the_world_s_state_space_gives_the_torque_of_the_loop(integral: float) -> None:
+@pytest.mark.parametrize("along", [0.0, 1e-4])
+def test_the_world_s_state_space_gives_the_torque_of_the_loop(integral: float, along: float) -> None:
     rng = np.random.default_rng(3)
     for method in METHODS:
-        world = random_world(rng, integral=integral, method=method, estimator="exact")
+        world = random_world(rng, integral=integral, along=along, method=method, estimator="exact")
         system = world.to_control().world
         puck = rng.normal(size=(2, 40))
         puck[:, 0] = 0.0  # tustin and foh begin at x_0, whatever the first sample

@@ -24,6 +24,10 @@ pub struct Sizes {
     pub velocity: RangeInclusive<f64>,
     /// s
     pub time: RangeInclusive<f64>,
+    /// kg·m², of a torque along the acceleration
+    pub inertia: RangeInclusive<f64>,
+    /// Hz
+    pub cutoff: RangeInclusive<f64>,
 }
 
 /// Those of a haptic knob.
@@ -35,6 +39,8 @@ pub const SIZES: Sizes = Sizes {
     place: 0.3,
     velocity: 0.01..=5.0,
     time: 0.05..=5.0,
+    inertia: 1e-6..=1e-4,
+    cutoff: 0.5..=100.0,
 };
 
 impl Sizes {
@@ -52,6 +58,8 @@ impl Sizes {
             "rest" | "at" | "phase" => &(-self.place..=self.place),
             "velocity" | "stribeck_velocity" => &self.velocity,
             "time" => &self.time,
+            "inertia" => &self.inertia,
+            "cutoff" => &self.cutoff,
             _ => panic!("testing/src/laws.rs has no size for the number {name} of a law"),
         };
         if range == Range::Any { -size.end()..=*size.end() } else { size.clone() }

@@ -197,6 +197,7 @@ export class Stage {
       }
       case "damper":
       case "assist":
+      case "acceleration":
         return (q) => attribute(element, "d", geometry.damper(gap, q[outer]!, q[inner]!));
       case "wall": {
         const face = coupling.at ?? 0;

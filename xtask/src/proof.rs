@@ -240,8 +240,9 @@ fn changed_worlds(world: &World, required: f64, theorem: &str) -> Vec<(&'static 
         all.push(("start", with(&|world| world.sampling.output = Output::Start)));
         all.push(("explicit", with(&|world| world.sampling.method = Method::SemiImplicitEuler)));
     }
-    if world.couplings.iter().any(|c| matches!(c.law, Law::Integral { .. } | Law::Coulomb { .. } | Law::Assist { .. }))
-    {
+    if world.couplings.iter().any(|c| {
+        matches!(c.law, Law::Integral { .. } | Law::Coulomb { .. } | Law::Assist { .. } | Law::Acceleration { .. })
+    }) {
         all.push(("slippery", with(&|world| world.device.friction *= 1.0 - 1e-9)));
     }
     let stiff = |c: &Coupling| {
@@ -317,6 +318,7 @@ fn random(rng: &mut Rng) -> World {
             of: Compensated::Gravity,
             share: rng.f64(),
             velocity: None,
+            cutoff: None,
         }));
     }
     if rng.u8(..6) == 0 {
@@ -336,7 +338,7 @@ fn random(rng: &mut Rng) -> World {
     }
     for _ in 0..rng.usize(..3) {
         let torque = log_uniform(rng, -4.0, -1.0);
-        let kind = rng.u8(..3);
+        let kind = rng.u8(..4);
         within_friction(rng, &mut world, torque, kind);
     }
     let ends: Vec<End> = [End::Puck, End::Ground].into_iter().chain((0..world.bodies.len()).map(End::Body)).collect();
@@ -357,10 +359,14 @@ fn random(rng: &mut Rng) -> World {
     world
 }
 
-/// Adds an integral term, friction or an assist at the puck that the device's friction takes, all of it or more.
+/// Adds an integral term, friction, an assist or an acceleration at the puck that the device's friction takes, all of it or more.
 fn within_friction(rng: &mut Rng, world: &mut World, torque: f64, kind: u8) {
     let (law, limit) = match kind {
         0 => (Law::Assist { torque, velocity: log_uniform(rng, -3.0, 2.0) }, None),
+        3 => {
+            let (inertia, cutoff) = (log_uniform(rng, -6.0, -2.0), log_uniform(rng, -1.0, 2.0));
+            (Law::Acceleration { inertia, cutoff }, Some(torque))
+        }
         1 => (Law::Integral { stiffness: log_uniform(rng, -2.0, 2.0), time: 0.1, rest: rng.f64() }, Some(torque)),
         _ => (Law::Coulomb { torque }, None),
     };

@@ -10,8 +10,8 @@ const SETTLING: f64 = 1e9;
 
 impl Spec<'_> {
     /// The torque of a coupling on its first end in N·m (linear: N), with the positions and velocities of puck and bodies as given, for
-    /// displays: the state of a law with a memory is not among them. LuGre friction has its torque of steady sliding, an integral term the
-    /// torque that it reaches in its `time` at this q. 0 where there is no such coupling.
+    /// displays: the state of a law with a memory is not among them. LuGre friction has its torque of steady sliding, a torque
+    /// along the acceleration 0, an integral term the torque that it reaches in its `time` at this q. 0 where there is no such coupling.
     pub fn coupling_torque(&self, index: usize, puck: (f64, f64), bodies: &[(f64, f64)]) -> f64 {
         let Some(coupling) = self.couplings.get(index) else { return 0.0 };
         let at = |end: End| match end {

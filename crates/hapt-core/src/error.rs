@@ -53,7 +53,7 @@ pub enum Error {
         /// Which coupling.
         coupling: usize,
     },
-    /// An integral term or an assist with an end that is a body, or in a loop with an advance.
+    /// An integral term, an assist or a torque along the acceleration with an end that is a body, or in a loop with an advance.
     AtPuck {
         /// Which coupling.
         coupling: usize,
@@ -95,7 +95,8 @@ impl fmt::Display for Error {
             Error::AtPuck { coupling } => {
                 write!(
                     f,
-                    "coupling {coupling} is an integral term or an assist, which is between puck and ground and has no advance"
+                    "coupling {coupling} is an integral term, an assist or a torque along the acceleration, which is between puck and ground and \
+                     has no advance"
                 )
             }
             Error::Unsupported { coupling, method } => {

@@ -1,11 +1,12 @@
-//! The couplings that no matrix represents: wall, detent, the two frictions, the integral term, and couplings with a limit.
+//! The couplings that no matrix represents: wall, detent, the two frictions, the integral term, the torque along the acceleration, and couplings with a limit.
 
 use core::mem::discriminant;
 
 use crate::contact::{Solution, StepResponse};
 use crate::lanes::each;
 use crate::law::{
-    Coulomb, Damper, DeadBand, Detent, Integral, Lugre, Magnet, Spring, Texture, Wall, direction, gain, most, reduced,
+    Acceleration, Coulomb, Damper, DeadBand, Detent, Integral, Lugre, Magnet, Spring, Texture, Wall, direction,
+    filtered, gain, most, reduced,
 };
 use crate::spec::sign_at_puck;
 use crate::{Coupling, Damping, End, Lanes, Law, Number, Real, Vector};
@@ -25,6 +26,7 @@ pub(crate) enum LoopLaw<F> {
     Coulomb(Coulomb<F>),
     Lugre(Lugre<F>),
     Integral(Integral<F>),
+    Acceleration(Acceleration<F>),
 }
 
 /// A nonlinear coupling.
@@ -50,16 +52,16 @@ impl<F: Number> Nonlinear<F> {
         self.first.body().is_some() || self.second.body().is_some()
     }
 
-    /// Whether it has a torque, a bristle or an integral from earlier in the run.
+    /// Whether it has a torque, a bristle, an integral or a velocity from earlier in the run.
     pub fn remembers(&self) -> bool {
         let (bristle, torque) = self.keeps();
         bristle || torque
     }
 
-    /// Whether it keeps a bristle or an integral, and whether a torque that was found at a body.
+    /// Whether it keeps a bristle, an integral or a velocity, and whether a torque that was found at a body.
     fn keeps(&self) -> (bool, bool) {
         match self.curve {
-            LoopLaw::Lugre(_) | LoopLaw::Integral(_) => (true, false),
+            LoopLaw::Lugre(_) | LoopLaw::Integral(_) | LoopLaw::Acceleration(_) => (true, false),
             LoopLaw::Coulomb(_) => (false, self.is_found),
             LoopLaw::Wall(_)
             | LoopLaw::Spring(_)
@@ -92,12 +94,14 @@ impl<F: Number> Nonlinear<F> {
         Relative { position: first.0 - second.0, velocity: first.1 - second.1 }
     }
 
-    /// The bristle after a period `t` in s at q̇ held, or the integral after a sample at q; the other laws have neither.
+    /// The bristle after a period `t` in s at q̇ held, or the integral or the low-passed velocity after a sample; the other laws have none of
+    /// them.
     #[inline(always)]
     pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
         match self.curve {
             LoopLaw::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
             LoopLaw::Integral(integral) => integral.sum(bristle, q.position, t),
+            LoopLaw::Acceleration(acceleration) => acceleration.smooth(bristle, q.velocity, t),
             LoopLaw::Wall(_)
             | LoopLaw::Spring(_)
             | LoopLaw::Damper(_)
@@ -109,7 +113,7 @@ impl<F: Number> Nonlinear<F> {
         }
     }
 
-    /// The torque on the first end, with LuGre's bristle or the integral at their present values.
+    /// The torque on the first end, with LuGre's bristle, the integral or the low-passed velocity at their present values.
     #[inline(always)]
     pub fn torque(&self, q: Relative<F>, bristle: F) -> F {
         match &self.curve {
@@ -123,6 +127,7 @@ impl<F: Number> Nonlinear<F> {
             LoopLaw::Coulomb(coulomb) => coulomb.torque(q.velocity),
             LoopLaw::Lugre(lugre) => lugre.torque(bristle, q.velocity),
             LoopLaw::Integral(integral) => integral.torque(bristle),
+            LoopLaw::Acceleration(acceleration) => acceleration.torque(bristle, q.velocity),
         }
     }
 }
@@ -185,6 +190,10 @@ impl<F: Real> Nonlinear<F> {
                 let bound = most(stiffness, time, coupling.limit.unwrap_or(f64::INFINITY));
                 LoopLaw::Integral(Integral { gain: f(stiffness / time), rest: f(rest), most: f(bound) })
             }
+            Law::Acceleration { inertia, cutoff } => {
+                let (gain, tau) = filtered(inertia, cutoff);
+                LoopLaw::Acceleration(Acceleration { gain: f(gain), tau: f(tau), limit })
+            }
         };
         let is_found = finds && coupling.is_at_body() && matches!(curve, LoopLaw::Coulomb(_));
         Some(Nonlinear { first: coupling.first, second: coupling.second, is_found, curve })
@@ -202,7 +211,7 @@ impl<F: Real> Nonlinear<F> {
             LoopLaw::Texture(texture) => texture.solve(response),
             LoopLaw::Coulomb(coulomb) => coulomb.solve(response),
             // Refused at bodies when the loop was compiled.
-            LoopLaw::Lugre(_) | LoopLaw::Integral(_) => Solution::fixed(F::ZERO),
+            LoopLaw::Lugre(_) | LoopLaw::Integral(_) | LoopLaw::Acceleration(_) => Solution::fixed(F::ZERO),
         }
     }
 
@@ -217,7 +226,7 @@ impl<F: Real> Nonlinear<F> {
             | LoopLaw::DeadBand(_)
             | LoopLaw::Magnet(_)
             | LoopLaw::Texture(_) => -self.stored_slope(start, distance),
-            LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) | LoopLaw::Integral(_) => F::ZERO,
+            LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) | LoopLaw::Integral(_) | LoopLaw::Acceleration(_) => F::ZERO,
         }
     }
 
@@ -239,7 +248,7 @@ impl<F: Real> Nonlinear<F> {
             LoopLaw::Magnet(magnet) => (magnet.torque, magnet.torque / magnet.width),
             LoopLaw::Texture(texture) => texture.bounds(),
             LoopLaw::Coulomb(coulomb) => (coulomb.torque, F::ZERO),
-            LoopLaw::Lugre(_) | LoopLaw::Integral(_) => (F::ZERO, F::ZERO),
+            LoopLaw::Lugre(_) | LoopLaw::Integral(_) | LoopLaw::Acceleration(_) => (F::ZERO, F::ZERO),
         }
     }
 
@@ -256,7 +265,8 @@ impl<F: Real> Nonlinear<F> {
             | LoopLaw::DeadBand(_)
             | LoopLaw::Coulomb(_)
             | LoopLaw::Lugre(_)
-            | LoopLaw::Integral(_) => None,
+            | LoopLaw::Integral(_)
+            | LoopLaw::Acceleration(_) => None,
         }
     }
 
@@ -291,7 +301,8 @@ impl<F: Real> Nonlinear<F> {
             | LoopLaw::Texture(_)
             | LoopLaw::Coulomb(_)
             | LoopLaw::Lugre(_)
-            | LoopLaw::Integral(_) => false,
+            | LoopLaw::Integral(_)
+            | LoopLaw::Acceleration(_) => false,
         }
     }
 
@@ -304,7 +315,11 @@ impl<F: Real> Nonlinear<F> {
             LoopLaw::DeadBand(band) => band.stored_slope(start, distance),
             LoopLaw::Magnet(magnet) => magnet.stored_slope(start, distance),
             LoopLaw::Texture(texture) => texture.stored_slope(start, distance),
-            LoopLaw::Damper(_) | LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) | LoopLaw::Integral(_) => F::ZERO,
+            LoopLaw::Damper(_)
+            | LoopLaw::Coulomb(_)
+            | LoopLaw::Lugre(_)
+            | LoopLaw::Integral(_)
+            | LoopLaw::Acceleration(_) => F::ZERO,
         }
     }
 }
@@ -359,6 +374,7 @@ numbers! {
     Coulomb "coulomb" { torque }
     Lugre "lugre" { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous }
     Integral "integral" { gain, rest, most }
+    Acceleration "acceleration" { gain, tau, limit }
 }
 
 impl<const N: usize> Nonlinear<Lanes<N>> {

@@ -83,8 +83,8 @@ impl Coupling {
 
     /// Whether the method takes it. At a body, explicit methods evaluate a nonlinear torque at the start of the step, and those that hold
     /// their torques find it over the step; LuGre's bristle has no such step. The methods that take the new sample first would evaluate it
-    /// at the start of the step, where it generates energy, and so does a constant. An integral term and an assist are allowed only between
-    /// puck and ground.
+    /// at the start of the step, where it generates energy, and so does a constant. An integral term, an assist and a torque along the
+    /// acceleration are allowed only between puck and ground.
     pub fn goes_with(&self, method: Method) -> bool {
         if !self.is_at_body() {
             return true;

@@ -23,7 +23,7 @@ macro_rules! part {
 
 /// The C of each law, in one file: its functions, and its own part of each function that has one for every law. Several laws share the
 /// ramp.
-const LAWS: [(&str, &str); 11] = [
+const LAWS: [(&str, &str); 12] = [
     ("ramp", part!("law/ramp.c")),
     ("spring", part!("law/spring.c")),
     ("damper", part!("law/damper.c")),
@@ -35,6 +35,7 @@ const LAWS: [(&str, &str); 11] = [
     ("coulomb", part!("law/coulomb.c")),
     ("lugre", part!("law/lugre.c")),
     ("integral", part!("law/integral.c")),
+    ("acceleration", part!("law/acceleration.c")),
 ];
 
 /// Writes a world as C. `header` is the name by which the source includes its header.
@@ -138,7 +139,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     let calls = |function: &str| own.iter().any(|text| text.contains(function));
     let (falling, nearest) = (gradient && calls("hapt_solve_falling("), gradient && calls("hapt_solve_nearest("));
     let (sin, exp) = (calls("hapt_sin("), calls("hapt_exp("));
-    let bristles = law("lugre") || law("integral");
+    let bristles = law("lugre") || law("integral") || law("acceleration");
     let assist = spec.couplings.iter().any(|coupling| matches!(coupling.law, Law::Assist { .. }));
     let f64s = float == Float::F64;
     let all = yes("is_all");
@@ -149,7 +150,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("nonlinear", !kinds.is_empty()),
         ("bristles", bristles),
         ("assist", assist),
-        ("sources", assist || law("integral")),
+        ("sources", assist || law("integral") || law("acceleration")),
         ("new_first", new_first),
         ("held_bodies", has_bodies && !new_first),
         ("new_first_bodies", has_bodies && new_first),

@@ -1,7 +1,7 @@
-//! `[[compensation]]`: torques of the device that the loop compensates, by the measured position or velocity.
+//! `[[compensation]]`: torques of the device that the loop compensates, by the measured position, velocity or acceleration.
 //!
 //! A compensation becomes a coupling between puck and ground: of gravity a detent of a turn, of cogging a texture, of friction an
-//! assist. So it runs, is supervised, certified and exported as any other coupling of the world. The table is kept with the world, so
+//! assist, of inertia a torque along the acceleration. So it runs, is supervised, certified and exported as any other coupling of the world. The table is kept with the world, so
 //! that the coupling follows a number of the device that a sweep changes.
 
 use std::f64::consts::TAU;
@@ -15,7 +15,7 @@ use crate::world::{Compensation, Device, World};
 impl Device {
     /// The coupling that compensates a torque of this device; `None` where it has no such torque. Of friction that differs by direction or
     /// changes with the position the smallest level is compensated, which may be 0.
-    pub fn compensation(&self, Compensation { of, share, velocity }: Compensation) -> Option<Coupling> {
+    pub fn compensation(&self, Compensation { of, share, velocity, cutoff }: Compensation) -> Option<Coupling> {
         let law = match of {
             Compensated::Gravity => {
                 let Gravity { torque, phase } = self.torque.gravity?;
@@ -28,13 +28,14 @@ impl Device {
                 Law::Texture { torque: share * torque, pitch, phase, waveform }
             }
             Compensated::Friction => Law::Assist { torque: share * self.least_friction(), velocity: velocity? },
+            Compensated::Inertia => Law::Acceleration { inertia: share * self.inertia, cutoff: cutoff? },
         };
         Some(law.between(End::Puck, End::Ground))
     }
 
     /// The torque of this device that a coupling compensates, and its share; `None` where it is another coupling.
     pub fn compensated_by(&self, coupling: &Coupling) -> Option<(Compensated, f64)> {
-        let (of, torque, whole) = match coupling.law {
+        let (of, taken, whole) = match coupling.law {
             Law::Detent { torque, pitch, phase } => {
                 let gravity = self.torque.gravity?;
                 let is_same = pitch == TAU && phase == -gravity.phase;
@@ -49,10 +50,11 @@ impl Device {
                 (is_same && is_opposite).then_some((Compensated::Cogging, torque, cogging.torque))?
             }
             Law::Assist { torque, .. } => (Compensated::Friction, torque, self.least_friction()),
+            Law::Acceleration { inertia, .. } => (Compensated::Inertia, inertia, self.inertia),
             _ => return None,
         };
-        let is_there = torque > 0.0 && whole > 0.0 && coupling.first == End::Puck && coupling.second == End::Ground;
-        is_there.then_some((of, torque / whole))
+        let is_there = taken > 0.0 && whole > 0.0 && coupling.first == End::Puck && coupling.second == End::Ground;
+        is_there.then_some((of, taken / whole))
     }
 }
 
@@ -62,7 +64,7 @@ impl World {
     pub fn counts_from_device(&self) -> bool {
         self.compensations.iter().any(|compensation| match compensation.of {
             Compensated::Gravity | Compensated::Cogging => true,
-            Compensated::Friction => false,
+            Compensated::Friction | Compensated::Inertia => false,
         })
     }
 

@@ -51,6 +51,8 @@ hapt_core::named! {
         Cogging => "cogging",
         /// That of bearings, brushes and cables.
         Friction => "friction",
+        /// What the inertia of the puck takes to accelerate.
+        Inertia => "inertia",
     }
 }
 

@@ -182,6 +182,11 @@ impl World {
                 over * springs.sum::<f64>()
             }
         };
+        let damping = match coupling.law {
+            // By that velocity's share which its low-pass does not follow.
+            Law::Acceleration { inertia, cutoff } => std::f64::consts::TAU * cutoff * inertia,
+            _ => damping,
+        };
         let turning = if let Law::Assist { torque, .. } = coupling.law {
             torque
         } else if coupling.law.integrates() {

@@ -190,10 +190,11 @@ pub(crate) fn coupling(coupling: &mut Coupling) -> (&'static str, NumberSlots<'_
     (kind, slots)
 }
 
-/// Those of a compensation; the velocity is a key of friction's only.
-pub(crate) fn compensation(Compensation { of: _, share, velocity }: &mut Compensation) -> NumberSlots<'_> {
+/// Those of a compensation; the velocity is a key of friction's only, the cutoff of inertia's.
+pub(crate) fn compensation(Compensation { of: _, share, velocity, cutoff }: &mut Compensation) -> NumberSlots<'_> {
     let velocity = velocity.as_mut().map(|velocity| ("velocity", Number(velocity)));
-    std::iter::once(("share", Number(share))).chain(velocity).collect()
+    let cutoff = cutoff.as_mut().map(|cutoff| ("cutoff", Number(cutoff)));
+    std::iter::once(("share", Number(share))).chain(velocity).chain(cutoff).collect()
 }
 
 /// A hand's kind and its numbers, those of `moves` apart.

@@ -237,17 +237,19 @@ fn compensations(
         let of = fields.name("of").and_then(Compensated::from_name).ok_or_else(|| fields.missing("of"))?;
         let share = fields.number("share")?;
         let wrong = |key, message| Err(fields.error(ErrorKind::Combination, key, message));
-        let velocity = fields.optional_number("velocity")?;
-        if (of == Compensated::Friction) != velocity.is_some() {
-            return Err(match velocity {
-                None => fields.missing("velocity"),
-                Some(_) => {
-                    let message = format!("{} is taken back by the position: only friction has a velocity", of.name());
-                    fields.error(ErrorKind::Combination, "velocity", message)
+        let own = |owner: Compensated, key: &'static str| {
+            let number = fields.optional_number(key)?;
+            match (of == owner, number) {
+                (true, None) => Err(fields.missing(key)),
+                (false, Some(_)) => {
+                    let message = format!("{} has no {key}: only {} has one", of.name(), owner.name());
+                    Err(fields.error(ErrorKind::Combination, key, message))
                 }
-            });
-        }
-        let compensation = Compensation { of, share, velocity };
+                (true, Some(_)) | (false, None) => Ok(number),
+            }
+        };
+        let (velocity, cutoff) = (own(Compensated::Friction, "velocity")?, own(Compensated::Inertia, "cutoff")?);
+        let compensation = Compensation { of, share, velocity, cutoff };
         let coupling = device.compensation(compensation);
         let is_there = of != Compensated::Friction || device.least_friction() > 0.0;
         let Some(coupling) = coupling.filter(|_| is_there) else {
@@ -255,6 +257,7 @@ fn compensations(
                 Compensated::Friction => {
                     "device.friction above 0, of both directions and at every position".to_string()
                 }
+                Compensated::Inertia => "device.inertia above 0".to_string(),
                 Compensated::Gravity | Compensated::Cogging => format!("a table [device.{}]", of.name()),
             };
             return wrong("of", format!("the device has no {} to take back; expected {wanted}", of.name()));
@@ -262,9 +265,9 @@ fn compensations(
         if list.iter().any(|other| other.of == of) {
             return wrong("of", format!("{} is compensated already; expected one share of it", of.name()));
         }
-        if of == Compensated::Friction && sampling.advance > 0 {
-            let message = "friction is taken back by the velocity, which goes with loop.advance = 0 only";
-            return wrong("of", message.into());
+        if coupling.law.is_at_puck() && sampling.advance > 0 {
+            let message = "is taken back by the velocity, which goes with loop.advance = 0 only";
+            return wrong("of", format!("{} {message}", of.name()));
         }
         if couplings.len() == keys::MOST_COUPLINGS {
             return wrong("of", format!("with it the world has more than {} couplings", keys::MOST_COUPLINGS));

@@ -63,6 +63,8 @@ pub struct Compensation {
     pub share: f64,
     /// Of friction only: the speed in rad/s (linear: m/s) from which on the whole share is compensated.
     pub velocity: Option<f64>,
+    /// Of inertia only: the cutoff in Hz of the low-pass behind which the acceleration is measured.
+    pub cutoff: Option<f64>,
 }
 
 /// The `[device]` table: everything physical.

@@ -258,6 +258,22 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             go('M', middle + 8.0, 0.0);
             go('L', to, 0.0);
         }
+        Law::Acceleration { .. } => {
+            // A box with a disc, as an inertia.
+            go('L', middle - 9.0, 0.0);
+            go('L', middle - 9.0, -9.0);
+            go('L', middle + 9.0, -9.0);
+            go('L', middle + 9.0, 9.0);
+            go('L', middle - 9.0, 9.0);
+            go('L', middle - 9.0, 0.0);
+            go('M', middle - 4.0, -4.0);
+            go('L', middle + 4.0, -4.0);
+            go('L', middle + 4.0, 4.0);
+            go('L', middle - 4.0, 4.0);
+            go('L', middle - 4.0, -4.0);
+            go('M', middle + 9.0, 0.0);
+            go('L', to, 0.0);
+        }
         Law::Integral { .. } => {
             // A box with a ramp, as in block diagrams.
             go('L', middle - 9.0, 0.0);
@@ -309,6 +325,10 @@ fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
         Law::Magnet { torque, width, .. } => ("magnet", format!("{}, {}", say_effort(torque, motion), position(width))),
         Law::Coulomb { torque } => ("friction", say_effort(torque, motion)),
         Law::Assist { torque, .. } => ("assist", say_effort(torque, motion)),
+        Law::Acceleration { inertia, cutoff } => {
+            let unit = if rotary { "kg·m²" } else { "kg" };
+            ("acceleration", format!("{} {unit}, {} Hz", number(inertia, 4), number(cutoff, 4)))
+        }
         Law::Integral { stiffness: k, time, .. } => ("integral", format!("{}, in {} s", stiffness(k), number(time, 4))),
         Law::Lugre { coulomb, .. } => ("LuGre friction", say_effort(coulomb, motion)),
         Law::Constant { torque } => {

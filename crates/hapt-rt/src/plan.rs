@@ -1,7 +1,7 @@
 //! A world compiled for the loop's thread, with all memory that it needs there.
 
 use hapt_core::{ExternalTorqueInput, Reading, Request, SafeOutput, SafetyProfile};
-use hapt_model::{End, World};
+use hapt_model::{CouplingKind, End, World};
 use hapt_sim::{DesktopController, DesktopControllerState, Motor, VirtualDevice};
 
 /// The state of a plan's controller between samples.
@@ -41,9 +41,8 @@ pub struct Plan {
 #[derive(Clone, Debug, PartialEq)]
 struct Names {
     bodies: Vec<String>,
-    /// For each LuGre friction and integral term its ends, whether it is LuGre or integral, and its number between these ends; `None` for
-    /// other couplings.
-    bristles: Vec<Option<(String, String, bool, usize)>>,
+    /// For each coupling with a state its ends, its kind, and its number between these ends; `None` for other couplings.
+    bristles: Vec<Option<(String, String, CouplingKind, usize)>>,
 }
 
 impl Plan {
@@ -70,7 +69,7 @@ impl Plan {
         self.motor.reserve();
     }
 
-    /// Compiles a world that replaces `before`: bodies of the same name keep their states, and so do LuGre friction and integral terms
+    /// Compiles a world that replaces `before`: bodies of the same name keep their states, and so do couplings of the same kind
     /// between the same two ends. The safety profile stays.
     pub fn following(world: &World, before: &Plan) -> Result<Self, hapt_core::Error> {
         let mut plan = Plan::new(world, before.profile)?;
@@ -150,14 +149,14 @@ impl Names {
             End::Ground => "ground",
             End::Body(i) => world.names.get(i).map_or("", String::as_str),
         };
-        let mut bristles: Vec<Option<(String, String, bool, usize)>> = Vec::new();
+        let mut bristles: Vec<Option<(String, String, CouplingKind, usize)>> = Vec::new();
         for coupling in &world.couplings {
             let ends = (end(coupling.first), end(coupling.second));
             let before =
                 bristles.iter().flatten().filter(|(first, second, ..)| (first.as_str(), second.as_str()) == ends);
             let nth = before.count();
-            let (bends, integrates) = (coupling.law.has_bristle(), coupling.law.integrates());
-            bristles.push((bends || integrates).then(|| (ends.0.into(), ends.1.into(), integrates, nth)));
+            let (law, kind) = (&coupling.law, coupling.law.kind());
+            bristles.push(law.has_state().then(|| (ends.0.into(), ends.1.into(), kind, nth)));
         }
         Names { bodies: world.names.clone(), bristles }
     }

@@ -83,6 +83,10 @@ enum Law {
         torque: f64,
         velocity: f64,
     },
+    Acceleration {
+        inertia: f64,
+        cutoff: f64,
+    },
 }
 
 /// The laws that take a limit.
@@ -93,6 +97,7 @@ enum Clampable {
     Wall { side: Side, at: f64, stiffness: f64, damping: f64 },
     DeadBand { stiffness: f64, rest: f64, width: f64 },
     Integral { stiffness: f64, time: f64, rest: f64 },
+    Acceleration { inertia: f64, cutoff: f64 },
 }
 
 impl Coupling {
@@ -122,6 +127,9 @@ impl Coupling {
             Core::Integral { stiffness, time, rest } => clamped(Clampable::Integral { stiffness, time, rest })
                 .unwrap_or(Law::Integral { stiffness, time, rest }),
             Core::Assist { torque, velocity } => Law::Assist { torque, velocity },
+            Core::Acceleration { inertia, cutoff } => {
+                clamped(Clampable::Acceleration { inertia, cutoff }).unwrap_or(Law::Acceleration { inertia, cutoff })
+            }
             Core::Constant { torque } => Law::Constant { torque },
         };
         let fits = coupling.limit.is_none() || coupling.law.takes_limit();
@@ -147,6 +155,7 @@ impl Coupling {
             ),
             Law::Constant { torque } => (Core::Constant { torque }, None),
             Law::Assist { torque, velocity } => (Core::Assist { torque, velocity }, None),
+            Law::Acceleration { inertia, cutoff } => (Core::Acceleration { inertia, cutoff }, None),
             Law::Integral { stiffness, time, rest } => (Core::Integral { stiffness, time, rest }, None),
             Law::Clamped { law, limit } => {
                 let law = match law {
@@ -155,6 +164,7 @@ impl Coupling {
                     Clampable::DeadBand { stiffness, rest, width } => Core::DeadBand { stiffness, rest, width },
                     Clampable::Wall { side, at, stiffness, damping } => Core::Wall { side, at, stiffness, damping },
                     Clampable::Integral { stiffness, time, rest } => Core::Integral { stiffness, time, rest },
+                    Clampable::Acceleration { inertia, cutoff } => Core::Acceleration { inertia, cutoff },
                 };
                 (law, Some(limit))
             }

@@ -235,7 +235,7 @@ impl Decomposition {
             && world.device.torque.is_none()
             && world.sampling.bodies_every == 1
             && world.sampling.filter.is_none()
-            && !world.couplings.iter().any(|c| c.law.integrates());
+            && !world.couplings.iter().any(|c| c.law.has_state() && !c.law.has_bristle());
         let Some(corners) = Corners::new(world, keys).filter(|_| is_plain) else { return Ok(None) };
         let world = corners.middle();
         let mut all = Vec::new();

@@ -10,6 +10,8 @@ use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::COMBINED;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, count_power, quantisation};
+use crate::passivity::required::requirement;
+use crate::passivity::two_rates::with_fixed_bodies;
 use crate::passivity::within::taken;
 use crate::stability::clamped::{held_world, held_world_at_this_period};
 use crate::stability::fall::{Fall, fall};
@@ -365,6 +367,18 @@ fn compensations(world: &World) -> Result<Vec<String>, Error> {
             ));
             continue;
         }
+        if let Law::Acceleration { cutoff, .. } = coupling.law {
+            let alone = with_fixed_bodies(world, &[*coupling]);
+            let cost = requirement(&alone, &alone.couplings)?.damping;
+            let cost = cost.map_or("no known part".into(), |cost| with_unit(cost, Measure::Damping, world.motion));
+            notes.push(format!(
+                "compensation of inertia: it takes {} of device.inertia back by the measured acceleration behind a low-pass of {}, which costs {cost} of \
+                 the device's damping: more than it takes off at the frequencies that pass",
+                short(share),
+                with_unit(cutoff, Measure::Frequency, world.motion)
+            ));
+            continue;
+        }
         let of = of.name();
         let cost = laws_cost(world, [laws::steepest(&coupling.law).0, 0.0])?;
         notes.push(format!(
@@ -418,11 +432,15 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
              the device's friction, which takes as much. Hands-off the eigenvalues decide beyond such a limit, which they leave out; held away from \
              its rest its torque grows, which held leaves out"
         )),
+        (Kind::Acceleration, torque) if torque.is_finite() => Some(format!(
+            "couplings.{index}: a torque along the acceleration with a limit is passive where the device's friction takes as much; free leaves the \
+             limit out"
+        )),
         (Kind::Assist, torque) if torque > 0.0 => Some(format!(
             "couplings.{index}: an assist pushes along with the hand, and is passive where the device's friction takes as much; free leaves out both"
         )),
         (
-            Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre | Kind::Integral | Kind::Assist,
+            Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre | Kind::Integral | Kind::Assist | Kind::Acceleration,
             _,
         ) => None,
     })

@@ -333,7 +333,8 @@ pub fn certified_interval(
 }
 
 fn with_advance(world: &World, advance: u32) -> bool {
-    advance != world.sampling.advance && changed(world, |w| w.sampling.advance = advance)
+    let is_open = !world.couplings.iter().any(|c| c.law.is_at_puck());
+    is_open && advance != world.sampling.advance && changed(world, |w| w.sampling.advance = advance)
 }
 
 fn with_output(world: &World, output: Output) -> bool {
@@ -456,6 +457,8 @@ fn compensation_scale(world: &World) -> Option<f64> {
         for c in w.couplings.iter_mut().filter(|c| is_one(c)) {
             if let Law::Detent { torque, .. } | Law::Texture { torque, .. } | Law::Assist { torque, .. } = &mut c.law {
                 *torque *= factor;
+            } else if let Law::Acceleration { inertia, .. } = &mut c.law {
+                *inertia *= factor;
             }
         }
     };

@@ -19,6 +19,7 @@
 //! | the motor's torque, where it lags behind its command | by the held commands, exactly |
 //! | s = h - z and ḣ of a handle on a shaft | the same |
 //! | i_k = Σ T y up to this sample, where an integral term acts on the puck | i_k + T y_{k+1} |
+//! | s of a torque along the acceleration, the velocity behind its low-pass | s + T (v̂_{k+1} - s)/(τ + T) |
 //! | r = y - z, where the world sees the position y behind a filter of pole p | p r - p dz |
 //! | where the bodies do not step at every sample, the torque of the springs at the puck at this sample | that at the next, if no body stepped |
 //!
@@ -78,6 +79,14 @@ pub(crate) fn closed_loop(
         d = d.remove_row(springs).remove_column(springs);
     }
     if d.iter().all(|x| x.is_finite()) { Ok(d) } else { Err(Error::Eigenvalues { order: parts.order }) }
+}
+
+/// Adds gain · (v̂ - s) of the torques along the acceleration; `places` are those of v̂ and of the first s.
+fn along_acceleration(torque: &mut RowDVector<f64>, port: &Port, (estimate, smoothed): (usize, usize)) {
+    for (i, acceleration) in port.accelerations.iter().enumerate() {
+        torque[estimate] += acceleration.gain;
+        torque[smoothed + i] -= acceleration.gain;
+    }
 }
 
 /// The increment of a map after another.
@@ -146,6 +155,8 @@ pub(crate) struct ClosedLoop<'a> {
     filtered: Option<(usize, PositionFilter)>,
     /// The index of the sum of an integral term.
     integral: Option<usize>,
+    /// The index of the low-passed velocity of the first torque along the acceleration; those of the others are after it.
+    smoothed: usize,
     /// The index of the torque of the springs at the puck, if the bodies do not step at every sample: the last.
     springs: Option<usize>,
     /// The torque by position and velocity of the puck itself.
@@ -174,7 +185,7 @@ impl<'a> ClosedLoop<'a> {
         let uncoupled = port.is_uncoupled();
         // State that nothing uses is omitted.
         let in_flight = if uncoupled { 0 } else { in_flight };
-        let estimated = port.has_damper() && !filter.taps.is_empty();
+        let estimated = port.takes_velocity() && !filter.taps.is_empty();
         let memory = match filter.kalman {
             _ if !estimated => 0,
             Some(_) => 2,
@@ -195,7 +206,8 @@ impl<'a> ClosedLoop<'a> {
         let filtered = PositionFilter::of(sampling, period).filter(|_| !uncoupled).map(|filter| (order, filter));
         let order = order + usize::from(filtered.is_some());
         let integral = (port.integral > 0.0).then_some(order);
-        let order = order + usize::from(integral.is_some());
+        let smoothed = order + usize::from(integral.is_some());
+        let order = smoothed + port.accelerations.len();
         let springs = (sampling.bodies_every > 1).then_some(order);
         let order = order + usize::from(springs.is_some());
 
@@ -229,6 +241,7 @@ impl<'a> ClosedLoop<'a> {
         if let Some(i) = integral {
             torque[i] -= port.integral;
         }
+        along_acceleration(&mut torque, port, (estimate, smoothed));
         Ok(ClosedLoop {
             port,
             sampling,
@@ -249,6 +262,7 @@ impl<'a> ClosedLoop<'a> {
             handle,
             filtered,
             integral,
+            smoothed,
             springs,
             own: of_port,
             stands: false,
@@ -267,6 +281,7 @@ impl<'a> ClosedLoop<'a> {
         if self.port.has_damper() {
             torque[self.estimate] += self.own[1];
         }
+        along_acceleration(&mut torque, self.port, (self.estimate, self.smoothed));
         ClosedLoop { torque, stands: true, ..self.clone() }
     }
 
@@ -432,6 +447,12 @@ impl<'a> ClosedLoop<'a> {
             d.set_row(self.first_in_flight + i, &row);
         }
         let estimate_change = d.row(estimate).into_owned();
+        for (i, acceleration) in port.accelerations.iter().enumerate() {
+            let mut row = estimate_change.clone();
+            row[estimate] += 1.0;
+            row[self.smoothed + i] -= 1.0;
+            d.set_row(self.smoothed + i, &(row * acceleration.part(period)));
+        }
         for (block, step, at) in &self.steps {
             let (m, p) = (block.equations.bodies(), block.positions);
             // Positions beyond p are not part of the state: their columns are 0.
@@ -483,6 +504,10 @@ impl<'a> ClosedLoop<'a> {
             }
             if let Some(i) = self.integral {
                 row[i] += port.integral;
+            }
+            for (i, acceleration) in port.accelerations.iter().enumerate() {
+                row[estimate] -= acceleration.gain;
+                row[self.smoothed + i] += acceleration.gain;
             }
             row[springs] -= 1.0;
             d.set_row(springs, &row);

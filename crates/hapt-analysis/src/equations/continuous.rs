@@ -19,7 +19,7 @@ use std::borrow::Cow;
 use hapt_model::{Body, Coupling, Damping, End, Law, Sampling};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
-use crate::equations::laws::{self, LinearLaw};
+use crate::equations::laws::{self, Acceleration, LinearLaw};
 use crate::error::{Error, positive};
 
 /// The slope at which each nonlinear coupling is linearised: flat (outside the wall, detent 0, LuGre sliding, viscous) or steep
@@ -63,6 +63,8 @@ pub struct LinearCoupling {
     pub force: f64,
     /// The gain of an integral term, whose ends are puck and ground: N·m/(rad·s), zero or more. [`Continuous`] leaves it out.
     pub integral: f64,
+    /// A torque along the acceleration, whose ends are puck and ground. [`Continuous`] leaves it out.
+    pub acceleration: Option<Acceleration>,
 }
 
 /// Indices of the couplings at a body with two different slopes: those for which [`Slopes`] changes the eigenvalues of the held
@@ -149,7 +151,9 @@ pub fn linearise(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Re
             None => (stiffness, fixed) = laws::flattest(&c.law),
         }
         let integral = if c.is_at_body() { 0.0 } else { laws::integral_gain(&c.law) };
-        Ok(LinearCoupling { first: c.first, second: c.second, stiffness, fixed, per_period, force, integral })
+        let acceleration = Acceleration::of(&c.law).filter(|_| !c.is_at_body());
+        let [first, second] = [c.first, c.second];
+        Ok(LinearCoupling { first, second, stiffness, fixed, per_period, force, integral, acceleration })
     };
     couplings.iter().enumerate().map(term).collect()
 }

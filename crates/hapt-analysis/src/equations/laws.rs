@@ -22,6 +22,8 @@ pub(crate) enum Kind {
     Integral,
     /// A bounded torque along the velocity, which only adds energy.
     Assist,
+    /// A torque along the acceleration: linear, with a state.
+    Acceleration,
 }
 
 impl Kind {
@@ -40,6 +42,7 @@ impl Kind {
             Law::Lugre { .. } => Kind::Lugre,
             Law::Integral { .. } => Kind::Integral,
             Law::Assist { .. } => Kind::Assist,
+            Law::Acceleration { .. } => Kind::Acceleration,
         }
     }
 }
@@ -49,13 +52,41 @@ pub(crate) fn is_nonlinear(coupling: &Coupling) -> bool {
     match Kind::of(coupling) {
         Kind::Linear | Kind::Constant => false,
         Kind::Potential | Kind::Coulomb | Kind::Lugre | Kind::Assist => true,
-        Kind::Integral => coupling.limit.is_some(),
+        Kind::Integral | Kind::Acceleration => coupling.limit.is_some(),
     }
 }
 
 /// The gain of an integral term, N·m/(rad·s) (linear: N/(m·s)); 0 of every other law.
 pub(crate) fn integral_gain(law: &Law) -> f64 {
     if let Law::Integral { stiffness, time, .. } = *law { stiffness / time } else { 0.0 }
+}
+
+/// A torque along the acceleration: gain · (q̇ - s), s the velocity behind a low-pass of the time constant `tau`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Acceleration {
+    /// N·m·s/rad (linear: N·s/m), positive: the inertia over `tau`.
+    pub gain: f64,
+    /// s
+    pub tau: f64,
+}
+
+impl Acceleration {
+    /// `None` of every other law, and without an inertia.
+    pub fn of(law: &Law) -> Option<Acceleration> {
+        let Law::Acceleration { inertia, cutoff } = *law else { return None };
+        let tau = 1.0 / (std::f64::consts::TAU * cutoff);
+        (inertia > 0.0).then_some(Acceleration { gain: inertia / tau, tau })
+    }
+
+    /// The torque per change of the velocity from one sample to the next: gain · τ/(τ + T), N·m·s/rad.
+    pub fn of_change(&self, period: f64) -> f64 {
+        self.gain * (self.tau / (self.tau + period))
+    }
+
+    /// The part of the way to the velocity that s goes in a sample.
+    pub fn part(&self, period: f64) -> f64 {
+        period / (self.tau + period)
+    }
 }
 
 /// A law that the matrices represent exactly.
@@ -87,7 +118,8 @@ pub(crate) fn linear_law(coupling: &Coupling) -> Option<LinearLaw> {
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
         | Law::Integral { .. }
-        | Law::Assist { .. } => None,
+        | Law::Assist { .. }
+        | Law::Acceleration { .. } => None,
     }
 }
 
@@ -110,7 +142,11 @@ pub(crate) fn steepest(law: &Law) -> (f64, f64) {
         Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } => {
             (bristle_stiffness, bristle_damping + viscous)
         }
-        Law::Coulomb { .. } | Law::Integral { .. } | Law::Assist { .. } | Law::Constant { .. } => (0.0, 0.0),
+        Law::Coulomb { .. }
+        | Law::Integral { .. }
+        | Law::Assist { .. }
+        | Law::Acceleration { .. }
+        | Law::Constant { .. } => (0.0, 0.0),
     }
 }
 
@@ -177,6 +213,7 @@ pub(crate) fn steep_over(law: &Law) -> Vec<[f64; 2]> {
         | Law::Lugre { .. }
         | Law::Integral { .. }
         | Law::Assist { .. }
+        | Law::Acceleration { .. }
         | Law::Constant { .. } => Vec::new(),
     }
 }
@@ -190,12 +227,14 @@ pub(crate) fn most(coupling: &Coupling) -> f64 {
         | Law::Assist { torque, .. } => torque,
         Law::Texture { torque, ref waveform, .. } => torque * largest(waveform.harmonics()),
         Law::Constant { torque } => torque.abs(),
+        Law::Acceleration { inertia, .. } if inertia == 0.0 => 0.0,
         Law::Spring { .. }
         | Law::Damper { .. }
         | Law::Wall { .. }
         | Law::DeadBand { .. }
         | Law::Lugre { .. }
-        | Law::Integral { .. } => f64::INFINITY,
+        | Law::Integral { .. }
+        | Law::Acceleration { .. } => f64::INFINITY,
     };
     coupling.limit.map_or(own, |limit| own.min(limit))
 }
@@ -206,6 +245,7 @@ pub(crate) fn takes_velocity(law: &Law) -> bool {
         Law::Damper { damping: Damping::Fixed(damping) } | Law::Wall { damping, .. } => damping > 0.0,
         Law::Damper { damping: Damping::Compensating } | Law::Lugre { .. } => true,
         Law::Coulomb { torque } | Law::Assist { torque, .. } => torque > 0.0,
+        Law::Acceleration { inertia, .. } => inertia > 0.0,
         Law::Spring { .. }
         | Law::Detent { .. }
         | Law::DeadBand { .. }
@@ -228,7 +268,8 @@ pub(crate) fn rises_only(law: &Law) -> bool {
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
         | Law::Integral { .. }
-        | Law::Assist { .. } => false,
+        | Law::Assist { .. }
+        | Law::Acceleration { .. } => false,
     }
 }
 
@@ -242,9 +283,12 @@ pub(crate) fn is_known(law: &Law) -> bool {
         | Law::DeadBand { .. }
         | Law::Magnet { .. } => true,
         Law::Constant { torque } => torque == 0.0,
-        Law::Texture { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Integral { .. } | Law::Assist { .. } => {
-            false
-        }
+        Law::Texture { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Integral { .. }
+        | Law::Assist { .. }
+        | Law::Acceleration { .. } => false,
     }
 }
 
@@ -262,6 +306,7 @@ pub fn felt_at(law: &Law, reach: f64) -> Vec<f64> {
         | Law::Lugre { .. }
         | Law::Integral { .. }
         | Law::Assist { .. }
+        | Law::Acceleration { .. }
         | Law::Constant { .. } => Vec::new(),
     }
 }

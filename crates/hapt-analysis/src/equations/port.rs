@@ -18,6 +18,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::equations::continuous::Continuous;
 use crate::equations::grip::Grip;
+use crate::equations::laws::Acceleration;
 use crate::equations::modal::{Coupled, Modal, UndampedModes, form, hcat, of_one_frequency, reach, rows, separate};
 use crate::equations::structure::{Link, Part, first_fixed};
 use crate::error::Error;
@@ -54,6 +55,8 @@ pub(crate) struct Port {
     pub per_period: f64,
     /// Of all integral terms at the puck: N·m/(rad·s).
     pub integral: f64,
+    /// All torques along the acceleration at the puck.
+    pub accelerations: Vec<Acceleration>,
     /// Whether springs or integral terms join the puck to ground, directly or through bodies.
     pub grounded: bool,
     /// Shifts that change no torque: eigenvalues of exactly 1.
@@ -142,6 +145,7 @@ impl Port {
             fixed: own(|l| l.fixed),
             per_period: own(|l| l.per_period),
             integral: part.integral,
+            accelerations: part.accelerations.clone(),
             grounded,
             shifts: shifts.ncols() + usize::from(!grounded),
             unobservable,
@@ -189,10 +193,15 @@ impl Port {
 
     /// Whether no coupling acts on the puck.
     pub fn is_uncoupled(&self) -> bool {
-        self.stiffness == 0.0 && self.integral == 0.0 && !self.has_damper()
+        self.stiffness == 0.0 && self.integral == 0.0 && !self.takes_velocity()
     }
 
-    /// Whether a damper acts on the puck, so that its estimated velocity matters.
+    /// Whether the torque depends on the estimated velocity of the puck.
+    pub fn takes_velocity(&self) -> bool {
+        self.has_damper() || !self.accelerations.is_empty()
+    }
+
+    /// Whether a damper acts on the puck.
     pub fn has_damper(&self) -> bool {
         self.fixed > 0.0 || self.per_period > 0.0
     }
@@ -201,7 +210,8 @@ impl Port {
         let matrices =
             self.blocks.iter().flat_map(|b| [&b.equations.stiffness, &b.equations.fixed, &b.equations.per_period]);
         let numbers = [self.inertia, self.stiffness, self.fixed, self.per_period, self.integral];
-        matrices.flat_map(|m| m.iter()).chain(&numbers).all(|x| x.is_finite())
+        let gains = self.accelerations.iter().map(|a| &a.gain);
+        matrices.flat_map(|m| m.iter()).chain(&numbers).chain(gains).all(|x| x.is_finite())
     }
 
     /// The longest time constant of the equations in s, with a device damping of `damping`; 0 when there is none.
@@ -211,6 +221,7 @@ impl Port {
         };
         let mut all = times(self.inertia, damping + self.fixed, self.stiffness).to_vec();
         all.push(self.lag);
+        all.extend(self.accelerations.iter().map(|a| a.tau));
         // The integral with a spring, a damping and an inertia.
         let (k, b) = (self.stiffness / self.integral, (damping + self.fixed) / self.integral);
         all.extend([k, b.sqrt(), (self.inertia / self.integral).cbrt()]);

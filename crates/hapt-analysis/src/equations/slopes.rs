@@ -3,7 +3,7 @@
 use hapt_model::{Coupling, Damping, End, Law, World};
 
 use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
-use crate::equations::laws::{LinearLaw, linear_law};
+use crate::equations::laws::{Acceleration, LinearLaw, linear_law};
 use crate::error::Error;
 
 /// Up to this many nonlinear couplings, every combination of their slopes is analysed.
@@ -32,11 +32,17 @@ pub(crate) fn at_puck(world: &World, couplings: &[Coupling]) -> Result<[f64; 2],
 }
 
 /// The couplings of a world with nonlinear ones replaced by springs and dampers of these slopes, and compensating dampers by what they are at
-/// its period. Linear ones and constants stay as they are.
+/// its period. Linear ones and constants stay as they are, and torques along
+/// the acceleration lose their limits.
 pub(crate) fn straightened(world: &World, slopes: &Slopes) -> Result<Vec<Coupling>, Error> {
     let sampling = &world.sampling;
     let mut couplings = Vec::new();
     for (coupling, term) in world.couplings.iter().zip(linearise(&world.bodies, &world.couplings, slopes)?) {
+        if Acceleration::of(&coupling.law).is_some() {
+            // Within its limit.
+            couplings.push(Coupling { limit: None, ..*coupling });
+            continue;
+        }
         if linear_law(coupling).is_some_and(|law| !matches!(law, LinearLaw::Compensating)) {
             couplings.push(*coupling);
             continue;

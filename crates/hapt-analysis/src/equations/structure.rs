@@ -9,6 +9,7 @@
 use hapt_model::{Body, Coupling, End, World};
 
 use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
+use crate::equations::laws::Acceleration;
 use crate::error::{Error, positive};
 
 /// All couplings between one pair of ends, summed. At least one of the three is above 0.
@@ -45,6 +46,8 @@ pub(crate) struct Part {
     pub grounded: bool,
     /// The gain of the integral terms between the puck, its first member, and ground, N·m/(rad·s); 0: none.
     pub integral: f64,
+    /// The torques along the acceleration between them.
+    pub accelerations: Vec<Acceleration>,
 }
 
 impl Part {
@@ -122,7 +125,8 @@ pub(crate) fn first_fixed(part: &Part) -> Part {
         .map(|label| Cluster { bodies: (0..n).filter(|&i| spring[i] == label).collect(), anchored: anchored(label) });
     let clusters = clusters.collect();
     let (members, inertia) = (part.members[1..].to_vec(), part.inertia[1..].to_vec());
-    Part { members, inertia, grounded: links.iter().any(|l| l.other.is_none()), clusters, links, integral: 0.0 }
+    let grounded = links.iter().any(|l| l.other.is_none());
+    Part { members, inertia, grounded, clusters, links, integral: 0.0, accelerations: Vec::new() }
 }
 
 /// Whether a coupling joins this body to the fixed side.
@@ -159,6 +163,7 @@ pub(crate) fn parts(inertia: &[f64], terms: &[LinearCoupling]) -> Vec<Part> {
                 grounded: of_part.iter().any(|l| l.other.is_none()),
                 clusters,
                 integral: terms.iter().filter(|t| is_at(t, first)).map(|t| t.integral).sum(),
+                accelerations: terms.iter().filter(|t| is_at(t, first)).filter_map(|t| t.acceleration).collect(),
                 links: of_part.iter().map(|l| Link { body: local(l.body), other: l.other.map(local), ..*l }).collect(),
                 members,
             }

@@ -15,6 +15,7 @@ use hapt_model::{Method, World};
 use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::equations::continuous::Slopes;
+use crate::equations::laws::Acceleration;
 use crate::equations::structure::{Link, Part, inertias_with_puck, linearise_with_puck, parts};
 use crate::error::Error;
 
@@ -70,7 +71,10 @@ impl Ideal {
         let own: Vec<C> = std::iter::once(C::from(0.0)).chain(own.skip(1)).collect();
         let same: Vec<usize> = (0..own.len()).collect();
         let rest = condense(own, &same, &self.part.links, |link| C::new(link.stiffness, omega * link.fixed))?;
-        Some(rest + C::new(0.0, -self.part.integral / omega))
+        // A torque J_c z̈ behind its low-pass is an inertia of -J_c.
+        let along = |a: &Acceleration| omega * omega * a.gain * a.tau / C::new(1.0, omega * a.tau);
+        let accelerations: C = self.part.accelerations.iter().map(along).sum();
+        Some(rest + C::new(0.0, -self.part.integral / omega) + accelerations)
     }
 
     /// The low-frequency form.
@@ -79,8 +83,10 @@ impl Ideal {
         // The puck's cluster first.
         let mut clusters = part.clusters.clone();
         clusters.sort_by_key(|cluster| !cluster.bodies.contains(&0));
-        let inertia =
-            |bodies: &mut dyn Iterator<Item = usize>| bodies.filter(|&i| i > 0).map(|i| part.inertia[i]).sum();
+        let compensated: f64 = part.accelerations.iter().map(|a| a.gain * a.tau).sum();
+        let inertia = |bodies: &mut dyn Iterator<Item = usize>| {
+            bodies.filter(|&i| i > 0).map(|i| part.inertia[i]).sum::<f64>() - compensated
+        };
         let Some(own) = clusters.first() else { return LowFrequency::Free(0.0) };
         if own.anchored {
             let bodies: Vec<usize> = (0..part.inertia.len())

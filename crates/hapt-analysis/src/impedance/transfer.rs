@@ -6,6 +6,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::equations::continuous::{Continuous, LinearCoupling, Slopes, linearise};
 use crate::equations::estimator::PositionFilter;
+use crate::equations::laws::Acceleration;
 use crate::equations::modal::{Coupled, Modal};
 use crate::equations::structure::{Part, inertias, parts};
 use crate::error::{Error, positive};
@@ -31,7 +32,7 @@ pub(crate) struct TransferFunction {
     /// N·m·s/rad
     pub direct: f64,
     pub poles: Vec<Pole>,
-    /// All stiffness and damping at the puck: the scale for negligible residues.
+    /// All stiffness and damping at the puck, and the gains along the acceleration: the scale for negligible residues.
     pub at_puck: [f64; 2],
     /// Whether the poles add up to the world's own response. They do not where rates of a part lie too far apart for double precision.
     pub is_accurate: bool,
@@ -66,8 +67,11 @@ impl TransferFunction {
             terms.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).map(|t| of(t, period)).sum()
         };
         let (stiffness, damping) = (at_puck(|t, _| t.stiffness), at_puck(damping));
-        let at_puck = [stiffness, damping];
-        let mut port = TransferFunction { stiffness, direct: -damping, poles: Vec::new(), at_puck, is_accurate: true };
+        let accelerations: Vec<Acceleration> = terms.iter().filter_map(|t| t.acceleration).collect();
+        let gains: f64 = accelerations.iter().map(|a| a.gain).sum();
+        let at_puck = [stiffness, damping + gains];
+        let poles = accelerations.iter().map(|a| along_acceleration(a, period)).collect();
+        let mut port = TransferFunction { stiffness, direct: -damping, poles, at_puck, is_accurate: true };
         let mut coupled = Vec::new();
         for part in parts(&inertia, &terms) {
             if !part.members.iter().any(|&body| terms.iter().any(|t| is_between_puck_and(t, body))) {
@@ -201,6 +205,14 @@ fn make_real(poles: &mut [Pole]) {
 
 /// Least pivot of a response that is known well enough to compare with.
 const SINGULAR: f64 = 1e-3;
+
+/// The pole of a torque along the acceleration: gain (v - s) = gain p (1 - z⁻¹) z/(z - p) v, p = τ/(τ + T), is -H z with
+/// F = -gain p (1 - z⁻¹) W/(z - p).
+fn along_acceleration(acceleration: &Acceleration, period: f64) -> Pole {
+    let gain = C::from(acceleration.of_change(period));
+    let ln_abs = -(period / acceleration.tau).ln_1p();
+    Pole { ln_abs, arg: 0.0, gains: [C::from(0.0), C::from(0.0), gain, -gain] }
+}
 
 /// Whether poles add up to the response of the world at real s > 0, where M s² + C s + K is positive definite and its solution has no
 /// cancellation: K + s C - rᵀ (M s² + C s + K)⁻¹ r, r what joins bodies and puck, is K₀ + s C + Σ (P + Q) (σ - β) s/(s - s_i).

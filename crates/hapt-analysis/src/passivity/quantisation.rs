@@ -3,7 +3,8 @@
 //! The loop sees z + e, |e| ≤ Δ/2, and the motor rounds the torque to within half a step. Without bodies the sum of both is a
 //! torque on the puck of at most D = KΔ/2 + BΔ/T + step/2, whose work is at most D times the path. Coulomb friction of at least D
 //! dissipates as much. A difference over n samples has BΔ/(nT),
-//! a Kalman filter half the sum of its impulse response.
+//! a Kalman filter half the sum of its impulse response. A torque along the acceleration, J_c (1 - z⁻¹) v/((τ + T) (1 - p z⁻¹)), p = τ/(τ + T), has 2 J_c/(τ + T)
+//! times the error of the velocity v at most.
 //!
 //! At a body it is a torque D_i = K_iΔ/2 + B_iΔ/T, which the friction of the puck does not compensate. Over an energy-conserving step
 //! its work is at most D·|path|, and dampers C that the puck does not move dissipate at least pathᵀ C path/T. The difference is at
@@ -16,7 +17,7 @@ use serde::Serialize;
 use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
 use crate::equations::delay::Delay;
 use crate::equations::discrete::keeps_energy;
-use crate::equations::laws::{self, Kind};
+use crate::equations::laws::{self, Acceleration, Kind};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::kalman::count_error;
@@ -79,9 +80,11 @@ fn error_by_counts(sampling: &Sampling) -> f64 {
 /// [`Error::NoSuchBody`].
 pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
     let [stiffness, damping] = at_puck(world, &world.couplings)?;
-    let (device, period) = (&world.device, world.sampling.period);
-    let (friction, step, count) = (beyond_friction(world).device.least_friction(), step(world), world.count());
-    let least_friction = count.map_or(0.0, |count| damping * count * error_by_counts(&world.sampling)) + 0.5 * step;
+    let (device, period, rest) = (&world.device, world.sampling.period, beyond_friction(world));
+    let (friction, step, count) = (rest.device.least_friction(), step(world), world.count());
+    let along: f64 = rest.couplings.iter().filter_map(|c| Acceleration::of(&c.law)).map(|a| a.of_change(period)).sum();
+    let by_velocity = damping + 2.0 * along;
+    let least_friction = count.map_or(0.0, |count| by_velocity * count * error_by_counts(&world.sampling)) + 0.5 * step;
     let max_stiffness = (count.is_some() || step > 0.0).then(|| {
         let left = friction - least_friction;
         let by_friction = match count {

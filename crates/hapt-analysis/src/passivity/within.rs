@@ -10,12 +10,13 @@ use hapt_model::{Coupling, Law, World};
 
 use crate::equations::laws::{self, Kind, most};
 
-/// The largest torque of a coupling between puck and ground that no theorem but (T76) covers: friction, an integral term, a compensation of friction.
-/// `None` of any other. The torque of an integral term without a limit has no bound.
+/// The largest torque of a coupling between puck and ground that no theorem but (T76) covers: friction, an integral term, a compensation of friction, a torque
+/// along the acceleration with a limit. `None` of any other. The torque of an integral term without a limit has no bound.
 fn torque(coupling: &Coupling) -> Option<f64> {
     let is_covered = match Kind::of(coupling) {
         Kind::Coulomb | Kind::Assist => true,
         Kind::Integral => laws::integral_gain(&coupling.law) > 0.0,
+        Kind::Acceleration => coupling.limit.is_some(),
         Kind::Linear | Kind::Constant | Kind::Potential | Kind::Lugre => false,
     };
     (is_covered && laws::at_puck(coupling) && !laws::at_body(coupling)).then(|| most(coupling))

@@ -128,7 +128,7 @@ impl GripSearch {
                 let moves = |g: f64, arg: f64| g >= MARGINAL || arg.abs() > 1e-7;
                 let growths = found.iter().map(|m| (m.growth(period), m.arg())).filter(|&(g, arg)| moves(g, arg));
                 most = growths.map(|(g, _)| g).fold(most, f64::max);
-                if !port.has_damper() {
+                if !port.takes_velocity() {
                     break;
                 }
             }

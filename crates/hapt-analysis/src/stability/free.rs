@@ -268,7 +268,7 @@ fn puck_part(
         }
         let conserved = !port.grounded && damping == 0.0 && conserves_momentum(sampling, &port);
         critical = critical.min(critical_period(&port, sampling, damping, index, conserved, known.min(critical))?);
-        if !port.has_damper() {
+        if !port.takes_velocity() {
             // The velocity is not used.
             break;
         }
@@ -311,12 +311,12 @@ pub(crate) fn multipliers(
         }
     }
     // A low-pass whose output is not used keeps its own pole.
-    if !port.has_damper() && filter.pole > 0.0 {
+    if !port.takes_velocity() && filter.pole > 0.0 {
         let all = f64::from(sampling.bodies_every) * (-period * filter.taps[0]).ln_1p();
         found.push((of(Complex::new(all.exp_m1(), 0.0)), 0.0));
     }
     // So does a Kalman filter.
-    if let Some([position, velocity, acceleration]) = filter.kalman.filter(|_| !port.has_damper()) {
+    if let Some([position, velocity, acceleration]) = filter.kalman.filter(|_| !port.takes_velocity()) {
         let [a, b, c] = [position, velocity, acceleration];
         let own = DMatrix::from_row_slice(3, 3, &[-a, 1.0 - a, 0.5 - 0.5 * a, -b, -b, 1.0 - 0.5 * b, -c, -c, -0.5 * c]);
         let own = (0..sampling.bodies_every).fold(DMatrix::zeros(3, 3), |all, _| &all + &own + &own * &all);
@@ -379,7 +379,8 @@ impl Followed {
     ) -> Result<Option<Vec<(Multiplier, f64)>>, Error> {
         // The equations of the delayed and of the modal loop are those of one sample, of the measured position and a velocity by one pole.
         let is_measured = sampling.filter.is_none() && filter.kalman.is_none();
-        let is_plain = sampling.bodies_every == 1 && is_measured && port.integral == 0.0;
+        let is_static = port.integral == 0.0 && port.accelerations.is_empty();
+        let is_plain = sampling.bodies_every == 1 && is_measured && is_static;
         let Some(rates) = self.expected(period).filter(|_| is_plain) else { return Ok(None) };
         let delayed;
         let (mut function, size) = match &self.modal {
@@ -445,7 +446,7 @@ fn conserves_momentum(sampling: &Sampling, port: &Port) -> bool {
     match (sampling.method, sampling.output) {
         (Method::ForwardEuler | Method::SemiImplicitEuler | Method::Tustin | Method::Foh, Output::Start) => true,
         (Method::Trapezoidal, Output::Middle) => true,
-        (Method::Zoh, Output::Middle) => !port.has_damper(),
+        (Method::Zoh, Output::Middle) => !port.takes_velocity(),
         (Method::BackwardEuler, Output::End) => sampling.advance == 0,
         (
             Method::ForwardEuler | Method::SemiImplicitEuler | Method::Tustin | Method::Foh,
@@ -495,7 +496,7 @@ fn resonances(port: &Port, sampling: &Sampling, damping: f64) -> Result<Vec<(f64
 fn passive_below(port: &Port, sampling: &Sampling, damping: f64) -> f64 {
     let keeps_energy = keeps_energy(sampling.method) && sampling.output == Output::End;
     let on_time = sampling.delay.seconds(sampling.period) == 0.0 && port.lag == 0.0 && sampling.filter.is_none();
-    let at_once = sampling.advance == 0 && on_time && port.integral == 0.0;
+    let at_once = sampling.advance == 0 && on_time && port.integral == 0.0 && port.accelerations.is_empty();
     // A damper at the puck takes the mean velocity of both its ends, if these move in the same sample.
     let is_mean = sampling.estimator == EstimatorKind::Difference && sampling.every == 1 && sampling.bodies_every == 1;
     let by_difference = !port.has_damper() || is_mean;

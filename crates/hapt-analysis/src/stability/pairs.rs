@@ -3,6 +3,7 @@
 use hapt_model::Method;
 use nalgebra::DMatrix;
 
+use crate::equations::laws::Acceleration;
 use crate::equations::modal::Modal;
 use crate::equations::port::Port;
 use crate::equations::structure::Part;
@@ -10,6 +11,9 @@ use crate::error::Error;
 use crate::numerics::eigenvalues::eigenvalues;
 use crate::stability::held::spectrum;
 use crate::stability::multiplier::Root;
+
+/// Imaginary part, over the largest eigenvalue, below which a pair counts as two real ones.
+const SPLIT: f64 = 1e-7;
 
 /// z = Ts of the complex pairs of the differential equation of a part with the puck, the device damping, the handle and the hand.
 pub(super) fn continuous_pairs(part: &Part, port: &Port, damping: f64, period: f64) -> Result<Vec<Root>, Error> {
@@ -24,16 +28,20 @@ pub(super) fn continuous_pairs(part: &Part, port: &Port, damping: f64, period: f
             whole.fix(place, grip.stiffness, grip.damping);
         }
     }
-    if whole.integral > 0.0 {
-        return with_integral(&whole, period);
+    if whole.integral > 0.0 || !whole.accelerations.is_empty() {
+        return with_states(&whole, period);
     }
     Ok(spectrum(&Modal::new(&whole)?, Method::Zoh, period)?.1)
 }
 
-/// The same of a part with an integral term: ẇ = v, M v̇ = -K w - C v - gain e₀ i, i̇ = w₀.
-fn with_integral(part: &Part, period: f64) -> Result<Vec<Root>, Error> {
+/// The same of a part with an integral term or torques along the acceleration: ẇ = v, M v̇ = -K w - C v + e₀ (Σ gain (v₀ - s) - integral i), i̇ = w₀,
+/// ṡ = (v₀ - s)/τ.
+fn with_states(part: &Part, period: f64) -> Result<Vec<Root>, Error> {
     let n = part.inertia.len();
-    let mut a = DMatrix::<f64>::zeros(2 * n + 1, 2 * n + 1);
+    let sum = (part.integral > 0.0).then_some(2 * n);
+    let first = 2 * n + usize::from(sum.is_some());
+    let order = first + part.accelerations.len();
+    let mut a = DMatrix::<f64>::zeros(order, order);
     for (i, inertia) in part.inertia.iter().enumerate() {
         a[(i, n + i)] = 1.0;
         for link in &part.links {
@@ -49,8 +57,21 @@ fn with_integral(part: &Part, period: f64) -> Result<Vec<Root>, Error> {
             }
         }
     }
-    a[(n, 2 * n)] = -part.integral / part.inertia[0];
-    a[(2 * n, 0)] = 1.0;
+    if let Some(sum) = sum {
+        a[(n, sum)] = -part.integral / part.inertia[0];
+        a[(sum, 0)] = 1.0;
+    }
+    for (s, Acceleration { gain, tau }) in (first..).zip(&part.accelerations) {
+        a[(n, n)] += gain / part.inertia[0];
+        a[(n, s)] -= gain / part.inertia[0];
+        (a[(s, n)], a[(s, s)]) = (tau.recip(), -tau.recip());
+    }
+    // A position on which nothing depends has the eigenvalue 0.
+    while let Some(at) = (0..a.ncols()).find(|&j| a.column(j).iter().all(|x| *x == 0.0)) {
+        a = a.remove_row(at).remove_column(at);
+    }
     let values = eigenvalues(&a)?;
-    Ok(values.into_iter().filter(|s| s.im > 0.0).map(|s| Root::from(s * period)).collect())
+    // Rounding splits a shift and its momentum.
+    let largest = values.iter().map(|s| s.norm()).fold(0.0, f64::max);
+    Ok(values.into_iter().filter(|s| s.im > SPLIT * largest).map(|s| Root::from(s * period)).collect())
 }

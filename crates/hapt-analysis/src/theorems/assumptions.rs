@@ -14,7 +14,7 @@ use hapt_model::{Coupling, EstimatorKind, Law, Output, World};
 
 use crate::equations::discrete::keeps_energy;
 use crate::equations::estimator::PositionFilter;
-use crate::equations::laws::{self, Kind, is_nonlinear};
+use crate::equations::laws::{self, Acceleration, Kind, is_nonlinear};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, quantisation, step};
@@ -44,6 +44,10 @@ const AT_LIMIT: &str = "at the motor's limit the loop is not linear, and eigenva
 /// A damper behind a Kalman filter is proved as long as nothing cuts its torque.
 const LIMITED_KALMAN: &str =
     "the motor's limit cuts the torque, and dampers behind a Kalman filter have a proof only without that";
+
+/// A torque along the acceleration is proved as long as nothing cuts it.
+const LIMITED_ACCELERATION: &str = "the motor's limit cuts the torque, and torques along the acceleration have a proof only without that, or \
+     with a limit of their own that the device's friction takes";
 
 /// A property of the device that a claim leaves out.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,6 +149,8 @@ fn estimator(world: &World) -> Option<String> {
                     "the friction at the puck"
                 } else if laws::is_damped_wall(&c.law) {
                     "a damped wall at the puck"
+                } else if Acceleration::of(&c.law).is_some() {
+                    "an acceleration"
                 } else {
                     "a damper at the puck"
                 }
@@ -200,6 +206,9 @@ fn limit(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Option<S
     }
     if outside_estimator(world).is_some() {
         return Ok(Some(LIMITED_KALMAN.to_string()));
+    }
+    if world.couplings.iter().any(|c| Acceleration::of(&c.law).is_some()) {
+        return Ok(Some(LIMITED_ACCELERATION.to_string()));
     }
     let bound = timing.of_laws(behind_filter(world, at_puck(world, &world.couplings)?))?;
     Ok(match claimed {
@@ -274,7 +283,7 @@ pub(super) fn friction(world: &World, found: &Quantisation) -> Option<String> {
 pub(super) fn within_friction(world: &World) -> String {
     let torque = |torque: f64| with_unit(torque, Measure::Torque, world.motion);
     format!(
-        "friction, integral terms and assists at the puck give up to {} together, and the device's friction takes {} at \
+        "friction, integral terms, assists and limited accelerations at the puck give up to {} together, and the device's friction takes {} at \
          least: torques of no more than that have a proof",
         torque(taken(&world.couplings)),
         torque(world.device.least_friction())
@@ -348,7 +357,7 @@ pub(super) fn outside_recentre(world: &World, timing: Timing) -> Option<String> 
     }
     let carries = |c: &&Coupling| {
         let has_torque = match Kind::of(c) {
-            Kind::Coulomb | Kind::Assist | Kind::Integral => true,
+            Kind::Coulomb | Kind::Assist | Kind::Integral | Kind::Acceleration => true,
             Kind::Constant => laws::most(c) > 0.0,
             Kind::Linear | Kind::Potential | Kind::Lugre => false,
         };

@@ -6,7 +6,7 @@ use hapt_model::{Coupling, EstimatorKind, World};
 
 use crate::equations::continuous::{Slopes, piecewise, settled};
 use crate::equations::laws;
-use crate::equations::laws::{Kind, is_nonlinear};
+use crate::equations::laws::{Acceleration, Kind, is_nonlinear};
 use crate::equations::slopes::{at_puck, combinations, straightened};
 use crate::error::Error;
 use crate::passivity::kalman::overshoot;
@@ -15,6 +15,7 @@ use crate::passivity::required::{
 };
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
+use crate::passivity::two_rates::with_fixed_bodies;
 use crate::theorems::assumptions::{
     BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy, outside_estimator, outside_recentre,
     takes_estimate, within_friction,
@@ -97,6 +98,9 @@ pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Dema
         return Ok(Demanded::new(Demand::Never { cause: Cause::Integral, at_hz: Some(0.0) }, &INTEGRAL));
     }
     if world.couplings.iter().any(|c| Kind::of(c) == Kind::Assist && laws::most(c) > 0.0) {
+        return Ok(Demanded::outside(within_friction(world)));
+    }
+    if world.couplings.iter().any(|c| is_nonlinear(c) && Acceleration::of(&c.law).is_some()) {
         return Ok(Demanded::outside(within_friction(world)));
     }
     let at_body = |c: &Coupling| is_nonlinear(c) && laws::at_body(c);
@@ -246,8 +250,28 @@ fn without_delay(world: &World) -> World {
     fixed
 }
 
+/// Torques along the acceleration, which are linear, beside the others: each of the two gets a share of the damping. `None` without any.
+fn beside_accelerations(world: &World, timing: Timing, wanted: Wanted) -> Result<Option<Demanded>, Error> {
+    let all: Vec<Coupling> = settled(&world.couplings, world.sampling.period);
+    let (along, others): (Vec<Coupling>, Vec<Coupling>) =
+        all.into_iter().partition(|c| Acceleration::of(&c.law).is_some());
+    if along.is_empty() {
+        return Ok(None);
+    }
+    let own = linear(&with_fixed_bodies(world, &along), timing, wanted)?;
+    let Demand::Enough { damping: own, .. } = own.demand else { return Ok(Some(own)) };
+    let rest = best(&World { couplings: others, ..world.clone() }, timing, shared(wanted, own))?;
+    let Demanded { demand: Demand::Enough { damping, at_hz, .. }, mut theorems } = rest else { return Ok(Some(rest)) };
+    theorems.push(&LINEAR);
+    let demand = Demand::Enough { damping: damping + own, at_hz, is_least: false };
+    Ok(Some(Demanded { demand, theorems }))
+}
+
 /// (T35), (T39), (T42), (T45), (T46): everything is between puck and ground, linear or not.
 fn at_the_puck(world: &World, timing: Timing) -> Result<Demanded, Error> {
+    if world.couplings.iter().any(|c| Acceleration::of(&c.law).is_some()) {
+        return Ok(Demanded::outside("a torque along the acceleration is not a static law"));
+    }
     Ok(Demanded::enough(timing.of_laws(felt(world, &world.couplings)?)?, &LAWS))
 }
 
@@ -257,7 +281,7 @@ fn behind_kalman(world: &World, timing: Timing, wanted: Wanted) -> Result<Demand
     // A compensating damper and its springs may fall into different groups.
     let all: Vec<Coupling> = settled(&world.couplings, world.sampling.period);
     let (dampers, others): (Vec<Coupling>, Vec<Coupling>) = all.into_iter().partition(takes);
-    if !timing.is_at_once() || dampers.iter().any(|c| laws::at_body(c) || is_nonlinear(c)) {
+    if !timing.is_at_once() || dampers.iter().any(|c| laws::at_body(c) || Kind::of(c) != Kind::Linear) {
         return Ok(Demanded::outside(KALMAN));
     }
     let [_, damping] = at_puck(world, &dampers)?;
@@ -316,7 +340,7 @@ fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error>
     let (laws, straight): (Vec<Coupling>, Vec<Coupling>) = all.into_iter().partition(is_nonlinear);
     for law in &laws {
         match Kind::of(law) {
-            Kind::Potential | Kind::Linear | Kind::Constant | Kind::Integral | Kind::Assist => {}
+            Kind::Potential | Kind::Linear | Kind::Constant | Kind::Integral | Kind::Assist | Kind::Acceleration => {}
             Kind::Lugre if world.sampling.takes_several_samples() => return Ok(Demanded::outside(BRISTLE_EVERY)),
             Kind::Lugre if laws::is_hysteresis(&law.law) => {}
             Kind::Lugre => return Ok(Demanded::outside(BRISTLE)),
@@ -345,6 +369,9 @@ fn shared(wanted: Wanted, share: f64) -> Wanted {
 
 /// (T24), (T40), (T62): nonlinear couplings at bodies.
 fn energy(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error> {
+    if let Some(found) = beside_accelerations(world, timing, wanted)? {
+        return Ok(found);
+    }
     let couplings: Cow<'_, [Coupling]> = Cow::Borrowed(&world.couplings);
     if couplings.iter().any(|c| Kind::of(c) == Kind::Coulomb && laws::most(c) > 0.0 && laws::at_puck(c)) {
         return Ok(Demanded::new(Demand::Never { cause: Cause::Coulomb, at_hz: None }, &ENERGY));

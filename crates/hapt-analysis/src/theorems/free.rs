@@ -119,7 +119,7 @@ impl FreePatterns {
         }
         if winds_up(world) {
             return Ok(FreePatterns::open(
-                "an integral term winds up at the motor's limit: no theorem covers large swings",
+                "the motor's limit cuts the torque of an integral term, or of one along the acceleration: no theorem covers large swings",
             ));
         }
         if !world.device.is_plain() {

@@ -57,7 +57,7 @@ pub static FREE_LINEAR: Theorem = Theorem {
     id: "free-eigenvalues",
     equations: "(T27)",
     assumes: &[
-        "every coupling is a spring, a damper, an integral term without a limit or a constant",
+        "every coupling is a spring, a damper, an integral term or a torque along the acceleration without a limit, or a constant",
         "samples are even, the delay is one number",
     ],
 };
@@ -78,7 +78,7 @@ pub static LINEAR: Theorem = Theorem {
     id: "linear",
     equations: "(T29) to (T33), (T44)",
     assumes: &[
-        "every coupling is a spring, a damper or a constant",
+        "every coupling is a spring, a damper, a torque along the acceleration without a limit, or a constant",
         "samples are even, delay and lag are one number each",
         "a velocity at the puck is a difference or a low-pass of it",
     ],
@@ -88,7 +88,10 @@ pub static LINEAR: Theorem = Theorem {
 pub static LINEAR_UNEVEN: Theorem = Theorem {
     id: "linear-uneven",
     equations: "(T40)",
-    assumes: &["every coupling is a spring, a damper or a constant", "the torque comes at once: no delay, no lag"],
+    assumes: &[
+        "every coupling is a spring, a damper, a torque along the acceleration without a limit, or a constant",
+        "the torque comes at once: no delay, no lag",
+    ],
 };
 
 /// Linear loop, even samples, a delay that varies.
@@ -96,7 +99,7 @@ pub static LINEAR_LATE: Theorem = Theorem {
     id: "linear-late",
     equations: "(T43)",
     assumes: &[
-        "every coupling is a spring, a damper or a constant",
+        "every coupling is a spring, a damper, a torque along the acceleration without a limit, or a constant",
         "samples are even, and the largest delay is no longer than the period",
         "the motor does not lag",
     ],
@@ -106,7 +109,10 @@ pub static LINEAR_LATE: Theorem = Theorem {
 pub static LINEAR_LAG: Theorem = Theorem {
     id: "linear-lag",
     equations: "(T47)",
-    assumes: &["every coupling is a spring, a damper or a constant", "samples are even, the delay is one number"],
+    assumes: &[
+        "every coupling is a spring, a damper, a torque along the acceleration without a limit, or a constant",
+        "samples are even, the delay is one number",
+    ],
 };
 
 /// Laws at the puck, any times.
@@ -183,7 +189,7 @@ pub static WITHIN_FRICTION: Theorem = Theorem {
     id: "within-friction",
     equations: "(T76)",
     assumes: &[
-        "friction, integral terms and assists between puck and ground have a largest torque each, together no more than the device's Coulomb friction",
+        "friction, integral terms, assists and torques along the acceleration between puck and ground have a largest torque each, together no more than the device's Coulomb friction",
         "the device's Coulomb friction is at least the least of its tolerance",
     ],
 };

@@ -2,10 +2,10 @@
 
 use std::borrow::Cow;
 
-use hapt_model::World;
+use hapt_model::{Coupling, World};
 
 use crate::equations::discrete::keeps_energy;
-use crate::equations::laws::{self, is_nonlinear};
+use crate::equations::laws::{self, Acceleration, is_nonlinear};
 use crate::equations::positions::at_positions;
 use crate::error::Error;
 use crate::passivity::within::beyond_least_friction;
@@ -19,7 +19,7 @@ fn has_nonlinear_bodies(world: &World) -> bool {
 }
 
 /// Whether eigenvalues decide how the puck moves. They do not with nonlinear laws, gravity or cogging, friction that changes with the
-/// position or the speed, stops, an estimator that is not linear, an origin that slips, an integral term that winds up, or an uncertain inertia.
+/// position or the speed, stops, an estimator that is not linear, an origin that slips, a torque with a state at the motor's limit, or an uncertain inertia.
 fn is_linear(world: &World) -> bool {
     world.device.is_plain()
         && world.device.tolerances.inertia == 0.0
@@ -29,9 +29,11 @@ fn is_linear(world: &World) -> bool {
         && !winds_up(world)
 }
 
-/// Whether an integral term continues to grow at the motor's limit: a swing that reaches the limit may grow though small ones die out.
+/// Whether the motor's limit may cut a torque with a state, an integral term's or one along the acceleration: a swing that reaches the limit may
+/// grow though small ones die out.
 pub(super) fn winds_up(world: &World) -> bool {
-    may_saturate(world) && world.couplings.iter().any(|c| laws::integral_gain(&c.law) > 0.0)
+    let has_state = |c: &Coupling| laws::integral_gain(&c.law) > 0.0 || Acceleration::of(&c.law).is_some();
+    may_saturate(world) && world.couplings.iter().any(has_state)
 }
 
 /// Whether a theorem covers the held world: the linear step by its eigenvalues, a discrete-gradient step by its energy.

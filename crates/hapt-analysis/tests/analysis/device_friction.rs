@@ -104,7 +104,7 @@ proptest! {
         let mut world = Bench::of(vec![]).world(Method::Zoh, Output::End, 1e-3);
         (world.sampling.estimator, world.device.friction) = (EstimatorKind::Difference, 0.02);
         (world.device.friction_backward, world.device.friction_by_position) = (Some(0.02 * backward), Some(changes));
-        let coupling = world.device.compensation(Compensation { of: Compensated::Friction, share, velocity: Some(0.1) }).unwrap();
+        let coupling = world.device.compensation(Compensation { of: Compensated::Friction, share, velocity: Some(0.1), cutoff: None }).unwrap();
         let Law::Assist { torque, .. } = coupling.law else { panic!("{coupling:?}") };
         let least = (0..2000).map(|i| changes.at(5e-4 * f64::from(i) * changes.pitch)).fold(f64::INFINITY, f64::min);
         prop_assert!(torque <= share * 0.02 * backward.min(1.0) * (least + 1e-12));

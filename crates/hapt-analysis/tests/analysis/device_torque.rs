@@ -32,7 +32,7 @@ proptest! {
         let of = if torque.gravity.is_some() { Compensated::Gravity } else { Compensated::Cogging };
         let mut world = Bench::of(vec![]).world(Method::Zoh, Output::End, 1e-3);
         world.device.torque = torque;
-        world.couplings = vec![world.device.compensation(Compensation { of, share, velocity: None }).unwrap()];
+        world.couplings = vec![world.device.compensation(Compensation { of, share, velocity: None, cutoff: None }).unwrap()];
         world.sampling.delay = hapt_model::Delay::Seconds(f64::from(d) * 1e-3);
         world.sampling.filter = Some(x / (std::f64::consts::TAU * 1e-3));
         let slope = world.couplings[0].law.slopes().stiffness;

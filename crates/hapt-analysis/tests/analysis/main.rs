@@ -1,5 +1,6 @@
 //! The certificate, the margins and the remedies, against closed forms, the real loop and brute force.
 
+mod acceleration;
 mod check;
 mod claims;
 mod common;

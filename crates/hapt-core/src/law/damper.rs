@@ -21,10 +21,13 @@ pub(crate) struct Damper<F> {
     pub limit: F,
 }
 
+/// The largest number of a file.
+pub(super) const MOST: f64 = 1e30;
+
 /// torque/velocity of an assist, limited to the largest number of a file, so that its product with a velocity is finite.
 pub(crate) fn gain(torque: f64, velocity: f64) -> f64 {
     let gain = torque / velocity;
-    if gain < 1e30 { gain } else { 1e30 }
+    if gain < MOST { gain } else { MOST }
 }
 
 impl<F: Number> Damper<F> {

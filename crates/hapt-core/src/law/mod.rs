@@ -4,6 +4,7 @@
 //! is what the discrete-gradient step needs ([`crate::gradient`]). Every match here names every law, so that a new law does not
 //! compile until each function handles it.
 
+mod acceleration;
 mod coulomb;
 mod damper;
 mod dead_band;
@@ -16,6 +17,7 @@ mod spring;
 mod texture;
 mod wall;
 
+pub(crate) use acceleration::{Acceleration, filtered};
 pub(crate) use coulomb::Coulomb;
 pub use damper::Damping;
 pub(crate) use damper::{Damper, gain};
@@ -135,6 +137,14 @@ pub enum Law {
         /// The q̇ from which on it is that, positive.
         velocity: f64,
     },
+    /// inertia · ds/dt, s the velocity q̇ behind a low-pass: s_k = s_{k-1} + T (q̇_k - s_{k-1})/(τ + T), τ = 1/(2π cutoff). A torque along
+    /// the acceleration, as a compensation of inertia makes it. Between puck and ground.
+    Acceleration {
+        /// kg·m² (linear: kg), zero or more.
+        inertia: f64,
+        /// Of the low-pass in Hz, positive.
+        cutoff: f64,
+    },
     /// torque
     Constant {
         /// Any finite number.
@@ -166,6 +176,8 @@ crate::named! {
         Integral => "integral",
         /// [`Law::Assist`]
         Assist => "assist",
+        /// [`Law::Acceleration`]
+        Acceleration => "acceleration",
         /// [`Law::Constant`]
         Constant => "constant",
     }
@@ -232,7 +244,7 @@ pub struct Linear {
 
 impl Law {
     /// One of every law, with a valid value for each of its numbers: a damper by either rule, a wall on either side.
-    pub const ALL: [Law; 14] = [
+    pub const ALL: [Law; 15] = [
         Law::Spring { stiffness: 1.0, rest: 0.0 },
         Law::Damper { damping: Damping::Fixed(1.0) },
         Law::Damper { damping: Damping::Compensating },
@@ -253,6 +265,7 @@ impl Law {
         },
         Law::Integral { stiffness: 1.0, time: 1.0, rest: 0.0 },
         Law::Assist { torque: 1.0, velocity: 1.0 },
+        Law::Acceleration { inertia: 1.0, cutoff: 1.0 },
         Law::Constant { torque: 1.0 },
     ];
 
@@ -293,6 +306,9 @@ impl Law {
             Law::Assist { torque, velocity } => {
                 padded([of("torque", ZeroOrMore, torque), of("velocity", Positive, velocity)])
             }
+            Law::Acceleration { inertia, cutoff } => {
+                padded([of("inertia", ZeroOrMore, inertia), of("cutoff", Positive, cutoff)])
+            }
             Law::Constant { torque } => padded([of("torque", Any, torque)]),
         };
         all.into_iter().flatten()
@@ -329,6 +345,11 @@ impl Law {
                 ..plain(Kind::Integral, "an integral term")
             },
             Law::Assist { .. } => Traits { is_at_puck: true, is_endless: true, ..plain(Kind::Assist, "an assist") },
+            Law::Acceleration { .. } => Traits {
+                takes_limit: true,
+                is_at_puck: true,
+                ..plain(Kind::Acceleration, "a torque along the acceleration")
+            },
             Law::Constant { torque } => {
                 Traits { is_endless: torque != 0.0, ..plain(Kind::Constant, "a constant torque") }
             }
@@ -370,7 +391,7 @@ impl Law {
                 damping: Damping::Fixed(bristle_damping + viscous),
                 friction: coulomb.max(stribeck),
             },
-            Law::Integral { .. } | Law::Assist { .. } | Law::Constant { .. } => none,
+            Law::Integral { .. } | Law::Assist { .. } | Law::Acceleration { .. } | Law::Constant { .. } => none,
         }
     }
 
@@ -397,6 +418,11 @@ impl Law {
     /// Whether it has a bristle, an internal state that bends with the motion.
     pub const fn has_bristle(&self) -> bool {
         self.traits().has_bristle
+    }
+
+    /// Whether it has a state of its own: a bristle, the sum of an integral term, the low-passed velocity of a torque along the acceleration.
+    pub const fn has_state(&self) -> bool {
+        self.has_bristle() || self.integrates() || matches!(self, Law::Acceleration { .. })
     }
 
     /// Whether its torque can be held within a limit, on both ends.
@@ -454,7 +480,8 @@ impl Law {
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Integral { .. }
-            | Law::Assist { .. } => None,
+            | Law::Assist { .. }
+            | Law::Acceleration { .. } => None,
         }
     }
 
@@ -470,7 +497,11 @@ impl Law {
             Law::Texture { torque, pitch, phase, ref waveform } => texture::energy(torque, pitch, phase, waveform, q),
             Law::Constant { torque } => -torque * q,
             Law::Lugre { bristle_stiffness, .. } => 0.5 * bristle_stiffness * (bristle * bristle),
-            Law::Damper { .. } | Law::Coulomb { .. } | Law::Integral { .. } | Law::Assist { .. } => 0.0,
+            Law::Damper { .. }
+            | Law::Coulomb { .. }
+            | Law::Integral { .. }
+            | Law::Assist { .. }
+            | Law::Acceleration { .. } => 0.0,
         }
     }
 }

@@ -15,7 +15,7 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
     /// The velocity from this position and those before.
     fn estimate(&self, memory: &mut Memory<F, W>, position: F) -> F;
 
-    /// Every LuGre bristle over one period, with q̇ as it is at this sample held, and every integral by this sample.
+    /// Every LuGre bristle over one period, with q̇ as it is at this sample held, and every integral and low-passed velocity by this sample.
     fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>);
 
     /// x_{k+1} - x_k of the method for n bodies, from x_k, u_k and, with the methods that look at it, u_{k-1}, into its place. A returned

@@ -95,7 +95,8 @@ pub struct State<F, const B: usize, const C: usize, const W: usize> {
     pub change: Vector<F, B>,
     /// How many more samples come before the one at which the bodies step; 0 where they step at every sample.
     pub until_step: u32,
-    /// s of each coupling: of LuGre friction its bristle in rad (linear: m), of an integral term its sum in rad·s (m·s); 0 of the others.
+    /// s of each coupling: of LuGre friction its bristle in rad (linear: m), of an integral term its sum in rad·s (m·s), of a
+    /// torque along the acceleration its low-passed velocity in rad/s (m/s); 0 of the others.
     #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub bristles: [F; C],
     /// The torques found over the step, with the methods that find them.

@@ -4,7 +4,7 @@
 
 use crate::compile::compensated;
 use crate::contact::within;
-use crate::law::{HARMONICS, gain, reduced};
+use crate::law::{HARMONICS, filtered, gain, reduced};
 use crate::spec::sign_at_puck;
 use crate::supervisor::springs::{Springs, Well};
 use crate::supervisor::sums::{Step, Sums};
@@ -84,6 +84,44 @@ struct Part<F> {
     carries: bool,
 }
 
+/// The torque on the puck of a coupling that is an energy source: by_state · s + by_velocity · ż, within ±most.
+#[derive(Clone, Copy, Debug)]
+struct Source<F> {
+    by_state: F,
+    by_velocity: F,
+    most: F,
+}
+
+impl<F: Real> Source<F> {
+    const NONE: Self = Source { by_state: F::ZERO, by_velocity: F::ZERO, most: F::ZERO };
+
+    /// `None` of a coupling that is none.
+    fn of(coupling: &Coupling) -> Option<Self> {
+        let sign = sign_at_puck(coupling.first, coupling.second);
+        let [by_state, by_velocity, most] = match coupling.law {
+            // Its sum stops at its limit.
+            Law::Integral { stiffness, time, .. } => [-(stiffness / time) * sign, 0.0, f64::INFINITY],
+            Law::Assist { torque, velocity } => [0.0, gain(torque, velocity), torque],
+            Law::Acceleration { inertia, cutoff } => {
+                let (gain, _) = filtered(inertia, cutoff);
+                [-gain * sign, gain, coupling.limit.unwrap_or(f64::INFINITY)]
+            }
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
+            | Law::Texture { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. } => return None,
+        };
+        let f = F::from_f64;
+        Some(Source { by_state: f(by_state), by_velocity: f(by_velocity), most: f(most) })
+    }
+}
+
 /// A world's energies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Energy<F, const B: usize, const C: usize> {
@@ -107,10 +145,7 @@ pub(crate) struct Energy<F, const B: usize, const C: usize> {
     sees_filtered: bool,
     /// The torques of all constants on the puck.
     constant: F,
-    /// For each coupling, the factor from its sum to its torque on the puck: minus stiffness/time of an integral term, else 0.
-    integrals: [F; C],
-    /// For each coupling, the gain and the largest torque of an assist; 0 for others.
-    assists: [(F, F); C],
+    sources: [Source<F>; C],
     has_sources: bool,
 }
 
@@ -137,19 +172,12 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
             is_all: false,
             sees_filtered: spec.filter.is_some() && !spec.bodies.is_empty(),
             constant: f(constant),
-            integrals: [F::ZERO; C],
-            assists: [(F::ZERO, F::ZERO); C],
+            sources: [Source::NONE; C],
             has_sources: false,
         };
-        for (factor, coupling) in energy.integrals.iter_mut().zip(spec.couplings) {
-            if let Law::Integral { stiffness, time, .. } = coupling.law {
-                *factor = f(-(stiffness / time) * sign_at_puck(coupling.first, coupling.second));
-                energy.has_sources = true;
-            }
-        }
-        for (assist, coupling) in energy.assists.iter_mut().zip(spec.couplings) {
-            if let Law::Assist { torque, velocity } = coupling.law {
-                *assist = (f(gain(torque, velocity)), f(torque));
+        for (source, coupling) in energy.sources.iter_mut().zip(spec.couplings) {
+            if let Some(found) = Source::of(coupling) {
+                *source = found;
                 energy.has_sources = true;
             }
         }
@@ -185,7 +213,8 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
     }
 
     /// The torque on the puck of couplings that are energy sources, at `state` and the puck's `velocity`: constants, integral terms, which
-    /// give the same energy in every slow turn of the hand, and assists (docs/theory.md, (T72), (T76)). The ledgers leave its work out.
+    /// give the same energy in every slow turn of the hand, assists, and torques along the acceleration, which take part of the device's
+    /// damping (docs/theory.md, (T72), (T76), (T78)). The ledgers leave its work out.
     #[inline]
     pub fn sources<const W: usize>(&self, state: &State<F, B, C, W>, velocity: F) -> F {
         if self.has_sources { self.with_sources(&state.bristles, velocity) } else { self.constant }
@@ -193,15 +222,10 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
 
     #[cold]
     #[inline(never)]
-    fn with_sources(&self, sums: &[F; C], velocity: F) -> F {
+    fn with_sources(&self, states: &[F; C], velocity: F) -> F {
         let mut torque = self.constant;
-        for ((factor, sum), (gain, most)) in self.integrals.iter().zip(sums).zip(&self.assists) {
-            if *factor != F::ZERO {
-                torque += *factor * *sum;
-            }
-            if *gain > F::ZERO {
-                torque += within(*gain * velocity, -*most, *most);
-            }
+        for (source, state) in self.sources.iter().zip(states) {
+            torque += within(source.by_state * *state + source.by_velocity * velocity, -source.most, source.most);
         }
         torque
     }
@@ -483,7 +507,7 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
             let potential = Potential::Bristle { stiffness: f(bristle_stiffness) };
             (potential, bristle_damping + viscous, level, 0.0)
         }
-        Law::Integral { .. } | Law::Assist { .. } => (Potential::Nothing, 0.0, 0.0, 0.0),
+        Law::Integral { .. } | Law::Assist { .. } | Law::Acceleration { .. } => (Potential::Nothing, 0.0, 0.0, 0.0),
         Law::Constant { torque } => (Potential::Nothing, 0.0, 0.0, torque),
     };
     let ends = [coupling.first, coupling.second];

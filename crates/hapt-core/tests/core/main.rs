@@ -2,6 +2,7 @@
 // Tests run where the standard library is.
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
 
+mod acceleration;
 mod assist;
 mod display;
 mod game_loop;

@@ -124,7 +124,12 @@ pub fn stored(coupling: &Coupling, q: f64) -> f64 {
             torque * pitch / std::f64::consts::TAU * (1..).zip(sine.into_iter().zip(cosine)).map(of).sum::<f64>()
         }
         Law::Constant { torque } => -torque * q,
-        Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Integral { .. } | Law::Assist { .. } => 0.0,
+        Law::Damper { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Integral { .. }
+        | Law::Assist { .. }
+        | Law::Acceleration { .. } => 0.0,
     }
 }
 

@@ -40,7 +40,8 @@ typedef struct {
     uint32_t until_step;
 //end
 //if bristles
-    /* The bend of each friction's bristle, @u.position@; the sum of each integral term, @u.position@ s. */
+    /* The bend of each friction's bristle, @u.position@; the sum of each integral term, @u.position@ s; the low-passed velocity of each torque
+       along the acceleration, @u.velocity@. */
     hapt_real bristle[HAPT_COUPLINGS];
 //end
 //if gradient

@@ -305,8 +305,9 @@ fn safety() -> impl Strategy<Value = Safety> {
 
 fn compensations() -> impl Strategy<Value = Vec<Compensation>> {
     let one = |(of, share, velocity): (Compensated, f64, f64)| {
-        let velocity = (of == Compensated::Friction).then_some(velocity);
-        Compensation { of, share, velocity }
+        let velocity_of = (of == Compensated::Friction).then_some(velocity);
+        let cutoff = (of == Compensated::Inertia).then_some(10.0 * velocity);
+        Compensation { of, share, velocity: velocity_of, cutoff }
     };
     subsequence(Compensated::ALL.to_vec(), 0..=Compensated::ALL.len())
         .prop_shuffle()

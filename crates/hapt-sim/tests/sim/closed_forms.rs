@@ -289,3 +289,29 @@ fn an_integral_term_carries_a_constant_torque() {
     let (puck, held) = push(&world);
     assert!((puck - 0.1 - (torque - 0.02) / stiffness).abs() < 1e-9 && (held + torque).abs() < 1e-9, "{puck} {held}");
 }
+
+/// A torque along the acceleration takes its inertia off the puck's under a constant torque of the hand, exactly once the low-pass follows.
+#[test]
+fn a_puck_with_its_inertia_compensated_is_as_light_as_the_rest() {
+    for (share, cutoff) in [(0.1, 5.0), (0.5, 2.0), (0.9, 20.0)] {
+        let mut world = bare();
+        world.sampling.estimator = EstimatorKind::Difference;
+        world.device.damping = 0.0;
+        let inertia = share * world.device.inertia;
+        world.couplings = vec![Law::Acceleration { inertia, cutoff }.between(End::Ground, End::Puck)];
+        let torque = 1e-4;
+        let run = rows(&world, &scenario(6.0, Drive::Torque(Shape::Step { to: torque, at: 0.0 }), None));
+        let velocity = |from_end: usize| run[run.len() - 1 - from_end].puck_velocity;
+        let gained = velocity(0) - velocity(100);
+        let wanted = 100.0 * world.sampling.period * torque / (world.device.inertia - inertia);
+        assert!((gained / wanted - 1.0).abs() < 1e-9, "{share} {cutoff}: {gained} {wanted}");
+        // Its limit is all that it helps with.
+        let limit = 1e-5;
+        world.couplings[0].limit = Some(limit);
+        let run = rows(&world, &scenario(6.0, Drive::Torque(Shape::Step { to: torque, at: 0.0 }), None));
+        let velocity = |from_end: usize| run[run.len() - 1 - from_end].puck_velocity;
+        let least = (torque * share / (1.0 - share)).min(limit);
+        let wanted = 100.0 * world.sampling.period * (torque + least) / world.device.inertia;
+        assert!(((velocity(0) - velocity(100)) / wanted - 1.0).abs() < 1e-9, "{share} {cutoff}");
+    }
+}

@@ -269,19 +269,23 @@ fn a_hand_that_draws_energy_from_an_assist_is_no_fault() {
 proptest! {
     #![proptest_config(hapt_testing::cases(32))]
 
-    /// A compensation of friction, and an integral term that a turn fills within a sample, turn over as fast as the hand does: no fault.
+    /// A compensation of friction, an integral term that a turn fills within a sample, and an acceleration turn over as fast as the hand does: no fault.
     #[test]
     fn a_hand_that_turns_over_a_torque_within_the_devices_friction_causes_no_fault(
-        friction in 0.005..0.08f64, share in 0.1..1.0f64, velocity in 0.001..0.5f64, integrates: bool, every in 1u32..5,
+        friction in 0.005..0.08f64, share in 0.1..1.0f64, velocity in 0.001..0.5f64, kind in 0..3, every in 1u32..5,
         amplitude in 0.5..6.0f64, speed in 2.0..40.0f64,
     ) {
         let mut world = bare();
         (world.device.limit, world.device.friction) = (Some(0.4), friction);
         (world.sampling.estimator, world.sampling.every) = (EstimatorKind::Difference, every);
         let most = share * friction;
-        world.couplings = vec![match integrates {
-            false => Law::Assist { torque: most, velocity }.between(End::Puck, End::Ground),
-            true => Coupling {
+        world.couplings = vec![match kind {
+            0 => Law::Assist { torque: most, velocity }.between(End::Puck, End::Ground),
+            1 => Coupling {
+                limit: Some(most),
+                ..Law::Acceleration { inertia: 1e-2, cutoff: 100.0 * velocity }.between(End::Ground, End::Puck)
+            },
+            _ => Coupling {
                 limit: Some(most),
                 ..Law::Integral { stiffness: 1.0, time: 0.01, rest: 0.0 }.between(End::Puck, End::Ground)
             },
@@ -298,5 +302,30 @@ proptest! {
             last = guarded.output;
         }
         prop_assert!(turned > 0.0);
+    }
+}
+
+/// A compensation of inertia that the device's damping pays for gives energy to a hand that accelerates and takes it back: no fault, and neither ledger
+/// faults with more of it.
+#[test]
+fn a_hand_that_shakes_a_lighter_wheel_is_no_fault() {
+    for (share, cutoff) in [(0.05, 5.0), (0.5, 5.0), (0.9, 50.0)] {
+        for frequency in [0.5, 3.0, 12.0] {
+            let mut world = bare();
+            world.device.limit = Some(0.8);
+            world.sampling.estimator = EstimatorKind::Difference;
+            world.safety.world_trips = Some(true);
+            let inertia = share * world.device.inertia;
+            world.couplings = vec![
+                Law::Spring { stiffness: 0.2, rest: 0.0 }.between(End::Puck, End::Ground),
+                Law::Acceleration { inertia, cutoff }.between(End::Puck, End::Ground),
+            ];
+            let mut guard = Guard::new(&world, SafetyProfile::Simulated);
+            for sample in 0..10_000 {
+                let position = 0.1 * (std::f64::consts::TAU * frequency * f64::from(sample) * 1e-3).sin();
+                guard.step(position, 0.0, false, (sample == 20).then_some(Request::Arm));
+            }
+            assert!(guard.watch.reason.is_none(), "{share} {cutoff} {frequency}: {:?}", guard.watch.reason);
+        }
     }
 }

@@ -49,7 +49,7 @@ const EMPTY: Spec<'static> = Spec { estimator: Estimator::Difference, limit: Som
 
 #[test]
 fn the_code_of_each_law_is_what_it_always_was() {
-    let [stiffness, rest, at, torque, pitch, phase, width, time, velocity] = [1.0; 9];
+    let [stiffness, rest, at, torque, pitch, phase, width, time, velocity, inertia, cutoff] = [1.0; 11];
     let waveform = hapt_core::Waveform::default();
     let [coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous] = [1.0; 6];
     let (damping, side) = (Damping::Fixed(1.0), Side::Above);
@@ -66,9 +66,10 @@ fn the_code_of_each_law_is_what_it_always_was() {
         10 => Texture { torque, pitch, phase, waveform },
         11 => Integral { stiffness, time, rest },
         12 => Assist { torque, velocity },
+        13 => Acceleration { inertia, cutoff },
     });
     // One with a limit has code 7, and a second code by its law.
-    let mut limited = vec![0, 1, 2, 3, 4].into_iter();
+    let mut limited = vec![0, 1, 2, 3, 4, 5].into_iter();
     for (code, law) in laws {
         let coupling = law.between(End::Puck, End::Ground);
         assert_eq!(law_codes(coupling)[0], code, "{law:?}");

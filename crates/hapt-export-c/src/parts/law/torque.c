@@ -11,7 +11,7 @@ static hapt_real hapt_relative(const hapt_coupling *coupling, hapt_real puck, co
     return hapt_end_at(coupling->first, puck, bodies) - hapt_end_at(coupling->second, puck, bodies);
 }
 
-/* The torque on the first end, in @u.torque@, from q, q' and the bend of the bristle, or the integral. */
+/* The torque on the first end, in @u.torque@, from q, q' and the bend of the bristle, the integral or the low-passed velocity. */
 static hapt_real hapt_torque(const hapt_world *world, const hapt_coupling *coupling, hapt_real q, hapt_real velocity,
                              hapt_real bristle)
 {
@@ -60,7 +60,7 @@ static hapt_real hapt_nonlinear_torque(const hapt_world *world, const hapt_vecto
 }
 
 //if sources
-/* The torque on the puck of what gives energy by its nature: constants, integral terms and assists. */
+/* The torque on the puck of what gives energy by its nature: constants, integral terms, assists and torques along the acceleration. */
 static hapt_real hapt_sources(const hapt_world *world, const hapt_state *state, hapt_real velocity)
 {
     hapt_real torque = world->constant;
@@ -75,6 +75,14 @@ static hapt_real hapt_sources(const hapt_world *world, const hapt_state *state, 
             torque += (coupling->first == HAPT_PUCK ? (hapt_real)1 : (hapt_real)-1) * part;
         }
 //end
+//if acceleration
+        if (coupling->law == HAPT_ACCELERATION) {
+            const hapt_acceleration *acceleration = &world->acceleration[coupling->place];
+            const hapt_real sign = coupling->first == HAPT_PUCK ? (hapt_real)1 : (hapt_real)-1;
+            const hapt_real part = -acceleration->gain * sign * state->bristle[i] + acceleration->gain * velocity;
+            torque += hapt_between(part, -acceleration->limit, acceleration->limit);
+        }
+//end
 //if assist
         if (coupling->law == HAPT_DAMPER && world->damper[coupling->place].damping < (hapt_real)0) {
             torque += hapt_damper_torque(&world->damper[coupling->place], velocity);
@@ -86,7 +94,7 @@ static hapt_real hapt_sources(const hapt_world *world, const hapt_state *state, 
 
 //end
 //if bristles
-/* Every bristle over one period, with q' as it is at this sample, and every integral by this sample. */
+/* Every bristle over one period, with q' as it is at this sample, and every integral and low-passed velocity by this sample. */
 static void hapt_bend(const hapt_world *world, hapt_real *bristle, hapt_real position, hapt_real velocity,
                       const hapt_vector *bodies)
 {
@@ -105,6 +113,12 @@ static void hapt_bend(const hapt_world *world, hapt_real *bristle, hapt_real pos
         if (coupling->law == HAPT_INTEGRAL) {
             const hapt_real q = hapt_relative(coupling, position, bodies->position);
             bristle[i] = hapt_integral_sum(&world->integral[coupling->place], bristle[i], q, world->period);
+        }
+//end
+//if acceleration
+        if (coupling->law == HAPT_ACCELERATION) {
+            const hapt_real rate = hapt_relative(coupling, velocity, bodies->velocity);
+            bristle[i] = hapt_acceleration_smooth(&world->acceleration[coupling->place], bristle[i], rate, world->period);
         }
 //end
     }

@@ -62,7 +62,15 @@ fn the_device_and_the_top() {
         ),
         (
             "device = { inertia = 1, gravity = { torque = 1 } }\ncompensation = [{ of = \"gravity\", velocity = 1 }]",
-            "compensation.0.velocity: gravity is taken back by the position: only friction has a velocity",
+            "compensation.0.velocity: gravity has no velocity: only friction has one",
+        ),
+        (
+            "device = { inertia = 1 }\ncompensation = [{ of = \"inertia\" }]",
+            "compensation.0.cutoff: missing; expected a frequency (Hz) above 0, such as \"50 Hz\"",
+        ),
+        (
+            "device = { inertia = 1, friction = 1 }\ncompensation = [{ of = \"friction\", velocity = 1, cutoff = 5 }]",
+            "compensation.0.cutoff: friction has no cutoff: only inertia has one",
         ),
         ("motion = \"spherical\"", "motion: \"spherical\" is not known here; expected \"rotary\" or \"linear\""),
         ("title = 5", "title: 5 is a number; expected text in quotes"),
@@ -245,7 +253,7 @@ fn couplings() {
     let table = [
         (
             "",
-            "couplings.0.kind: missing; expected \"spring\", \"damper\", \"wall\", \"detent\", \"dead-band\", \"magnet\", \"texture\", \"friction\", \"integral\", \"assist\" or \"constant\"",
+            "couplings.0.kind: missing; expected \"spring\", \"damper\", \"wall\", \"detent\", \"dead-band\", \"magnet\", \"texture\", \"friction\", \"integral\", \"assist\", \"acceleration\" or \"constant\"",
         ),
         ("kind = \"sprign\"", "couplings.0.kind: \"sprign\" is not known here; did you mean \"spring\"?"),
         (
@@ -341,7 +349,7 @@ fn couplings() {
         ),
         (
             "kind = \"detent\"\nbetween = [\"puck\", \"wheel\"]\ntorque = 1\npitch = 1\nlimit = 1",
-            "couplings.0.limit: not a key of kind \"detent\" but of \"spring\", \"damper\", \"wall\", \"dead-band\" or \"integral\"; \
+            "couplings.0.limit: not a key of kind \"detent\" but of \"spring\", \"damper\", \"wall\", \"dead-band\", \"integral\" or \"acceleration\"; \
              \"detent\" takes kind, between, torque, pitch, phase",
         ),
     ];

@@ -199,6 +199,20 @@ docs/theory.md. Friction of the device of no less than its limit does, (T76).
 "#,
     },
     Topic {
+        name: "acceleration",
+        aliases: &["inertia-compensation", "compensate-inertia"],
+        line: "a torque along the acceleration, which makes the puck lighter",
+        text: r#"kind = "acceleration" between puck and ground has the torque inertia times the change of the
+velocity behind a low-pass of `cutoff`, per second. A compensation of inertia is one:
+
+  hapt check @notes/default --set 'compensation=[{of="inertia",share=0.05,cutoff="5 Hz"}]' --why
+
+It costs about inertia · 2π cutoff of the device's damping, (T78) of docs/theory.md: more than it
+takes off where it acts. More than the damping is not certified, and no motor runs it. With a
+`limit` within the device's friction it is certified at any size, (T76).
+"#,
+    },
+    Topic {
         name: "assist",
         aliases: &["friction-compensation", "compensate-friction"],
         line: "a torque along the velocity, within the device's friction",
