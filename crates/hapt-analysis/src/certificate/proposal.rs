@@ -1,7 +1,7 @@
 //! Remedies as lines to paste into the world file, in the file's own units.
 
 use hapt_model::keys::Measure;
-use hapt_model::{Coupling, Error, Parameter, Source, World, parameters, unit, unit_size};
+use hapt_model::{Coupling, Error, Law, Parameter, Source, World, parameters, unit, unit_size};
 
 use crate::certificate::check::Check;
 use crate::certificate::is_certified;
@@ -111,8 +111,16 @@ pub fn proposal(
     }
     if let Some(scale) = remedies.compensation_scale {
         let shares = file.keys(|i, coupling| {
-            let (_, share) = world.device.compensated_by(coupling).filter(|_| i >= file.own())?;
-            Some(("share", share))
+            let (_, share) = world.device.compensated_by(coupling)?;
+            match coupling.law {
+                _ if i >= file.own() => Some(("share", share)),
+                // A coupling of the file that does the same.
+                Law::Acceleration { inertia, .. } => Some(("inertia", inertia)),
+                Law::Detent { torque, .. } | Law::Texture { torque, .. } | Law::Assist { torque, .. } => {
+                    Some(("torque", torque))
+                }
+                _ => None,
+            }
         });
         list.extend(file.scaled(&shares, scale));
     }
@@ -202,6 +210,9 @@ impl File<'_> {
 
     /// The same of keys that change together: each takes its roundest number, then its next, until all together are certified.
     fn values(&self, keys: &[(String, f64)], side: Certified) -> Option<Vec<String>> {
+        if keys.is_empty() {
+            return None;
+        }
         let units: Vec<(String, f64)> = keys.iter().map(|(path, _)| self.unit(path)).collect();
         let own = |((_, si), (_, size)): (&(String, f64), &(String, f64))| si / size;
         let mut rounder: Vec<_> = keys.iter().zip(&units).map(|key| candidates(own(key), side, NEAR_IN_FILE)).collect();
