@@ -259,7 +259,7 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             go('L', to, 0.0);
         }
         Law::Acceleration { .. } => {
-            // A box with a disc, as an inertia.
+            // A box with a mass.
             go('L', middle - 9.0, 0.0);
             go('L', middle - 9.0, -9.0);
             go('L', middle + 9.0, -9.0);
@@ -326,8 +326,7 @@ fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
         Law::Coulomb { torque } => ("friction", say_effort(torque, motion)),
         Law::Assist { torque, .. } => ("assist", say_effort(torque, motion)),
         Law::Acceleration { inertia, cutoff } => {
-            let unit = if rotary { "kg·m²" } else { "kg" };
-            ("acceleration", format!("{} {unit}, {} Hz", number(inertia, 4), number(cutoff, 4)))
+            ("acceleration", format!("{}, {} Hz", inertia_text(inertia, motion), number(cutoff, 4)))
         }
         Law::Integral { stiffness: k, time, .. } => ("integral", format!("{}, in {} s", stiffness(k), number(time, 4))),
         Law::Lugre { coulomb, .. } => ("LuGre friction", say_effort(coulomb, motion)),
