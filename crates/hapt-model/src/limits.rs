@@ -182,10 +182,11 @@ impl World {
                 over * springs.sum::<f64>()
             }
         };
-        let damping = match coupling.law {
-            // By that velocity's share which its low-pass does not follow.
-            Law::Acceleration { inertia, cutoff } => std::f64::consts::TAU * cutoff * inertia,
-            _ => damping,
+        // A torque along the acceleration is a damper by the velocity that its low-pass does not follow.
+        let of_acceleration = if let Law::Acceleration { inertia, cutoff } = coupling.law {
+            std::f64::consts::TAU * cutoff * inertia
+        } else {
+            0.0
         };
         let turning = if let Law::Assist { torque, .. } = coupling.law {
             torque
@@ -194,6 +195,6 @@ impl World {
         } else {
             slopes.friction
         };
-        (slopes.stiffness, damping, turning)
+        (slopes.stiffness, damping + of_acceleration, turning)
     }
 }

@@ -1,7 +1,7 @@
 //! Remedies as lines to paste into the world file, in the file's own units.
 
 use hapt_model::keys::Measure;
-use hapt_model::{Coupling, Error, Law, Parameter, Source, World, parameters, unit, unit_size};
+use hapt_model::{Coupling, Error, Parameter, Source, World, parameters, unit, unit_size};
 
 use crate::certificate::check::Check;
 use crate::certificate::is_certified;
@@ -112,15 +112,13 @@ pub fn proposal(
     if let Some(scale) = remedies.compensation_scale {
         let shares = file.keys(|i, coupling| {
             let (_, share) = world.device.compensated_by(coupling)?;
-            match coupling.law {
-                _ if i >= file.own() => Some(("share", share)),
-                // A coupling of the file that does the same.
-                Law::Acceleration { inertia, .. } => Some(("inertia", inertia)),
-                Law::Detent { torque, .. } | Law::Texture { torque, .. } | Law::Assist { torque, .. } => {
-                    Some(("torque", torque))
-                }
-                _ => None,
+            if i >= file.own() {
+                return Some(("share", share));
             }
+            // A coupling of the file that does the same.
+            let mut law = coupling.law;
+            let strongest = law.quantities().find(|quantity| ["torque", "inertia"].contains(&quantity.name))?;
+            Some((strongest.name, *strongest.value))
         });
         list.extend(file.scaled(&shares, scale));
     }

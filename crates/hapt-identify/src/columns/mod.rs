@@ -373,7 +373,7 @@ fn could_be(name: &str, what: &str) -> bool {
     };
     match what {
         "time" => is(&[Dimension::TIME]),
-        "position" => is(&[Dimension::ANGLE, Dimension::LENGTH]) || matches!(unit, "count" | "counts" | "cts"),
+        "position" => is(&[Dimension::ANGLE, Dimension::LENGTH]) || is_counts(unit),
         _ => is(&[Dimension::TORQUE, Dimension::FORCE]) || matches!(unit, "A" | "mA" | "V" | "mV"),
     }
 }
@@ -383,10 +383,16 @@ fn plain(unit: &str) -> String {
     unit.replace('.', " ")
 }
 
+fn is_counts(unit: &str) -> bool {
+    matches!(unit, "count" | "counts" | "cts")
+}
+
 /// A column's name and its unit: the text in parentheses or brackets, or after the last underscore.
 fn split(name: &str) -> (&str, &str) {
     let bracketed = name.split_once(['(', '[']).map(|(name, unit)| (name, unit.trim_end_matches([')', ']'])));
-    let (name, unit) = bracketed.or_else(|| name.rsplit_once('_')).unwrap_or((name, ""));
+    // A column named `counts` is in counts.
+    let alone = (name, if is_counts(name) { name } else { "" });
+    let (name, unit) = bracketed.or_else(|| name.rsplit_once('_')).unwrap_or(alone);
     (name.trim(), unit.trim())
 }
 
@@ -412,7 +418,7 @@ fn scale(
 ) -> Result<(Scale, Dimension), Error> {
     let (name, unit) = (names[column], split(names[column]).1);
     let wants = wanted.iter().map(Dimension::to_string).collect::<Vec<_>>().join(" or ");
-    if let (Some(counts), "count" | "counts" | "cts") = (counts, unit) {
+    if let Some(counts) = counts.filter(|_| is_counts(unit)) {
         let missing =
             || Error::Columns(format!("column {name} is in counts; --counts N gives the counts per revolution"));
         let counts = counts.ok_or_else(missing)?;

@@ -293,6 +293,10 @@ fn columns_are_found_by_their_names_and_read_in_their_units() {
     assert_eq!(motion, hapt_model::Motion::Rotary);
     let named = Columns { counts: Some(400.0), ..Columns::parse("time=t_s,position=enc_counts,torque=u_Nm").unwrap() };
     let (rows, _) = named.read("u_Nm,t_s,enc_counts\n0.5,0,100\n").unwrap();
+    // A column that is only named by them is found.
+    let unnamed = Columns { counts: Some(400.0), ..Columns::default() };
+    let (plain, _) = unnamed.read("u_Nm\tt_s\tcounts\n0.5\t0\t100\n0.5\t1\t101\n").unwrap();
+    assert_eq!(plain[1][0], rows[1][0]);
     near(&rows[1], [half; 2]);
     let spring = Columns { spring: Some(2.0), ..Columns::default() };
     let (rows, motion) = spring.read("t_s,position_mm\n0,5\n").unwrap();
