@@ -227,7 +227,7 @@ pub(crate) fn most(coupling: &Coupling) -> f64 {
         | Law::Assist { torque, .. } => torque,
         Law::Texture { torque, ref waveform, .. } => torque * largest(waveform.harmonics()),
         Law::Constant { torque } => torque.abs(),
-        Law::Acceleration { inertia, .. } if inertia == 0.0 => 0.0,
+        Law::Acceleration { inertia: 0.0, .. } => 0.0,
         Law::Spring { .. }
         | Law::Damper { .. }
         | Law::Wall { .. }

@@ -621,7 +621,7 @@ fn a_coupling_that_compensates_too_much_has_a_smaller_number_as_remedy() {
                  [[couplings]]\nbetween = [\"puck\", \"ground\"]\n{coupling}\n"
             )
         };
-        let source = Source::from_text("w", &file(coupling));
+        let source = Source::from_text("w", file(coupling));
         let world = World::read(&source, &[]).unwrap();
         let (check, found) = (check(&world).unwrap(), remedies(&world).unwrap());
         assert!(!check.certified.holds());
@@ -631,6 +631,6 @@ fn a_coupling_that_compensates_too_much_has_a_smaller_number_as_remedy() {
         let name = certified.split(' ').next().unwrap();
         let others: Vec<&str> = coupling.lines().filter(|line| !line.starts_with(name)).collect();
         let smaller = file(&format!("{}\n{certified}", others.join("\n")));
-        assert!(is_certified(&World::read(&Source::from_text("w", &smaller), &[]).unwrap()));
+        assert!(is_certified(&World::read(&Source::from_text("w", smaller), &[]).unwrap()));
     }
 }
