@@ -239,7 +239,7 @@ pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
         system = with_state(system, [1.0, period, 0.0], [-integral, -integral * period, 0.0]);
     }
     for acceleration in terms.iter().filter_map(|term| term.acceleration) {
-        let (part, gain) = (acceleration.part(period), acceleration.of_change(period));
+        let (part, gain) = (acceleration.part(period), acceleration.gain(period));
         system = with_state(system, [1.0 - part, 0.0, part], [-gain, 0.0, gain]);
     }
     let (whole, input, state, direct) = system;

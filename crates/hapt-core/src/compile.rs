@@ -8,7 +8,7 @@ use crate::rules::Dynamics;
 use crate::sense::Sensor;
 use crate::spec::{Linear, Quantity, Range};
 use crate::step::{Loop, Moment, Port};
-use crate::{Coupling, Damping, End, Error, Method, Output, Real, Spec, Waveform};
+use crate::{Coupling, Damping, End, Error, Law, Method, Output, Real, Spec, Waveform};
 
 impl Error {
     pub(crate) fn check_positive(what: &'static str, given: f64) -> Result<(), Error> {
@@ -184,6 +184,12 @@ fn check(spec: &Spec) -> Result<(), Error> {
         check_numbers(coupling)?;
         if coupling.law.is_at_puck() && (coupling.is_at_body() || spec.advance > 0) {
             return Err(Error::AtPuck { coupling: index });
+        }
+        // Of a faster low-pass nothing but rounding is left of v - s.
+        if let Law::Acceleration { cutoff, .. } = coupling.law {
+            if cutoff * spec.period > 1.0 {
+                return Err(Error::Value { what: "cutoff", given: cutoff, wanted: "at most the sampling rate" });
+            }
         }
         if !coupling.goes_with(spec.method) {
             return Err(Error::Unsupported { coupling: index, method: spec.method });

@@ -269,6 +269,9 @@ fn compensations(
             let message = "is taken back by the velocity, which goes with loop.advance = 0 only";
             return wrong("of", format!("{} {message}", of.name()));
         }
+        if let Some(message) = too_fast(&coupling.law, sampling) {
+            return wrong("cutoff", message);
+        }
         if couplings.len() == keys::MOST_COUPLINGS {
             return wrong("of", format!("with it the world has more than {} couplings", keys::MOST_COUPLINGS));
         }
@@ -276,6 +279,15 @@ fn compensations(
         list.push(compensation);
     }
     Ok(list)
+}
+
+/// Why a torque along the acceleration has a cutoff that is too high for the period.
+fn too_fast(law: &Law, sampling: &Sampling) -> Option<String> {
+    let Law::Acceleration { cutoff, .. } = *law else { return None };
+    let rate = 1.0 / sampling.period;
+    (cutoff * sampling.period > 1.0).then(|| {
+        format!("{cutoff} Hz is above the sampling rate; expected {rate} Hz at most, since samples show nothing faster")
+    })
 }
 
 /// The law of the coupling's kind that its other keys decide on, with its numbers.
@@ -371,6 +383,9 @@ fn check_coupling(
     if coupling.law.is_at_puck() && sampling.advance > 0 {
         let message = format!("{noun} goes with loop.advance = 0 only, since it depends on how the hand will move");
         return Err(fields.error(ErrorKind::Unsupported, "kind", message));
+    }
+    if let Some(message) = too_fast(&coupling.law, sampling) {
+        return Err(fields.error(ErrorKind::Combination, "cutoff", message));
     }
     if sampling.bodies_every > 1 && coupling.is_at_body() && coupling.law.has_bristle() {
         let message = "LuGre friction at a body goes with loop.bodies_every = 1 only; use coulomb";

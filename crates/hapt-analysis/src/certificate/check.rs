@@ -223,7 +223,7 @@ fn notes(world: &World, fall: Option<Fall>) -> Result<Vec<String>, Error> {
             notes.push(format!("body {name}: no spring is tied to it, so it stays where it is shifted to"));
         }
     }
-    if world.couplings.iter().any(is_nonlinear) {
+    if world.couplings.iter().any(|c| is_nonlinear(c) && Kind::of(c) != Kind::Acceleration) {
         let indices = piecewise(&world.couplings);
         let looked = looked(indices.len(), "its nonlinear couplings have slope 0 and count as absent");
         notes.push(format!("free is a linear estimate of a nonlinear world: {looked}"));
@@ -368,12 +368,17 @@ fn compensations(world: &World) -> Result<Vec<String>, Error> {
             continue;
         }
         if let Law::Acceleration { cutoff, .. } = coupling.law {
+            if coupling.limit.is_some() {
+                continue;
+            }
             let alone = with_fixed_bodies(world, &[*coupling]);
             let cost = requirement(&alone, &alone.couplings)?.damping;
-            let cost = cost.map_or("no known part".into(), |cost| with_unit(cost, Measure::Damping, world.motion));
+            let costs = cost.map_or("whose cost has no proof behind this estimator".into(), |cost| {
+                let cost = with_unit(cost, Measure::Damping, world.motion);
+                format!("which by itself costs {cost} of the device's damping: more than it takes off at the frequencies that pass")
+            });
             notes.push(format!(
-                "compensation of inertia: it takes {} of device.inertia back by the measured acceleration behind a low-pass of {}, which costs {cost} of \
-                 the device's damping: more than it takes off at the frequencies that pass",
+                "compensation of inertia: it takes {} of device.inertia back by the measured acceleration behind a low-pass of {}, {costs}",
                 short(share),
                 with_unit(cutoff, Measure::Frequency, world.motion)
             ));

@@ -116,6 +116,9 @@ pub fn proposal(
                 return Some(("share", share));
             }
             // A coupling of the file that does the same.
+            if let Some(limit) = coupling.limit {
+                return Some(("limit", limit));
+            }
             let mut law = coupling.law;
             let strongest = law.quantities().find(|quantity| ["torque", "inertia"].contains(&quantity.name))?;
             Some((strongest.name, *strongest.value))
@@ -152,7 +155,7 @@ pub fn proposal(
     }
     let heading = match (check.certified.holds(), list.is_empty()) {
         (true, true) => return Ok(None),
-        (false, true) => "none found: no single number makes this loop certified",
+        (false, true) => "none found: none of the numbers that were tried makes this loop certified",
         (true, false) => "certified as far as each of these, one at a time",
         (false, false) => "any one of these makes it certified",
     };

@@ -455,6 +455,10 @@ fn compensation_scale(world: &World) -> Option<f64> {
     }
     let set = |w: &mut World, factor: f64| {
         for c in w.couplings.iter_mut().filter(|c| is_one(c)) {
+            if let Some(limit) = &mut c.limit {
+                *limit *= factor;
+                continue;
+            }
             if let Law::Detent { torque, .. } | Law::Texture { torque, .. } | Law::Assist { torque, .. } = &mut c.law {
                 *torque *= factor;
             } else if let Law::Acceleration { inertia, .. } = &mut c.law {

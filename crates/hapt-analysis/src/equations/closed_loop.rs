@@ -19,7 +19,7 @@
 //! | the motor's torque, where it lags behind its command | by the held commands, exactly |
 //! | s = h - z and ḣ of a handle on a shaft | the same |
 //! | i_k = Σ T y up to this sample, where an integral term acts on the puck | i_k + T y_{k+1} |
-//! | s of a torque along the acceleration, the velocity behind its low-pass | s + T (v̂_{k+1} - s)/(τ + T) |
+//! | s_{k-1} of a torque along the acceleration, the velocity behind its low-pass | s_{k-1} + T (v̂_k - s_{k-1})/(τ + T) |
 //! | r = y - z, where the world sees the position y behind a filter of pole p | p r - p dz |
 //! | where the bodies do not step at every sample, the torque of the springs at the puck at this sample | that at the next, if no body stepped |
 //!
@@ -81,11 +81,11 @@ pub(crate) fn closed_loop(
     if d.iter().all(|x| x.is_finite()) { Ok(d) } else { Err(Error::Eigenvalues { order: parts.order }) }
 }
 
-/// Adds gain · (v̂ - s) of the torques along the acceleration; `places` are those of v̂ and of the first s.
-fn along_acceleration(torque: &mut RowDVector<f64>, port: &Port, (estimate, smoothed): (usize, usize)) {
+/// Adds gain · (v̂_k - s_{k-1}) of the torques along the acceleration; the places are those of v̂ and of the first s.
+fn along_acceleration(torque: &mut RowDVector<f64>, port: &Port, (estimate, smoothed): (usize, usize), period: f64) {
     for (i, acceleration) in port.accelerations.iter().enumerate() {
-        torque[estimate] += acceleration.gain;
-        torque[smoothed + i] -= acceleration.gain;
+        torque[estimate] += acceleration.gain(period);
+        torque[smoothed + i] -= acceleration.gain(period);
     }
 }
 
@@ -241,7 +241,7 @@ impl<'a> ClosedLoop<'a> {
         if let Some(i) = integral {
             torque[i] -= port.integral;
         }
-        along_acceleration(&mut torque, port, (estimate, smoothed));
+        along_acceleration(&mut torque, port, (estimate, smoothed), period);
         Ok(ClosedLoop {
             port,
             sampling,
@@ -281,7 +281,7 @@ impl<'a> ClosedLoop<'a> {
         if self.port.has_damper() {
             torque[self.estimate] += self.own[1];
         }
-        along_acceleration(&mut torque, self.port, (self.estimate, self.smoothed));
+        along_acceleration(&mut torque, self.port, (self.estimate, self.smoothed), self.period);
         ClosedLoop { torque, stands: true, ..self.clone() }
     }
 
@@ -448,10 +448,9 @@ impl<'a> ClosedLoop<'a> {
         }
         let estimate_change = d.row(estimate).into_owned();
         for (i, acceleration) in port.accelerations.iter().enumerate() {
-            let mut row = estimate_change.clone();
-            row[estimate] += 1.0;
-            row[self.smoothed + i] -= 1.0;
-            d.set_row(self.smoothed + i, &(row * acceleration.part(period)));
+            let part = acceleration.part(period);
+            d[(self.smoothed + i, estimate)] = part;
+            d[(self.smoothed + i, self.smoothed + i)] = -part;
         }
         for (block, step, at) in &self.steps {
             let (m, p) = (block.equations.bodies(), block.positions);
@@ -506,8 +505,8 @@ impl<'a> ClosedLoop<'a> {
                 row[i] += port.integral;
             }
             for (i, acceleration) in port.accelerations.iter().enumerate() {
-                row[estimate] -= acceleration.gain;
-                row[self.smoothed + i] += acceleration.gain;
+                row[estimate] -= acceleration.gain(period);
+                row[self.smoothed + i] += acceleration.gain(period);
             }
             row[springs] -= 1.0;
             d.set_row(springs, &row);

@@ -61,12 +61,12 @@ pub(crate) fn integral_gain(law: &Law) -> f64 {
     if let Law::Integral { stiffness, time, .. } = *law { stiffness / time } else { 0.0 }
 }
 
-/// A torque along the acceleration: gain · (q̇ - s), s the velocity behind a low-pass of the time constant `tau`.
+/// A torque along the acceleration: inertia/(τ + T) · (v_k - s_{k-1}), s the velocity behind a low-pass of the time constant τ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acceleration {
-    /// N·m·s/rad (linear: N·s/m), positive: the inertia over `tau`.
-    pub gain: f64,
-    /// s
+    /// kg·m² (linear: kg), positive.
+    pub inertia: f64,
+    /// τ in s.
     pub tau: f64,
 }
 
@@ -74,16 +74,15 @@ impl Acceleration {
     /// `None` of every other law, and without an inertia.
     pub fn of(law: &Law) -> Option<Acceleration> {
         let Law::Acceleration { inertia, cutoff } = *law else { return None };
-        let tau = 1.0 / (std::f64::consts::TAU * cutoff);
-        (inertia > 0.0).then_some(Acceleration { gain: inertia / tau, tau })
+        (inertia > 0.0).then_some(Acceleration { inertia, tau: 1.0 / (std::f64::consts::TAU * cutoff) })
     }
 
-    /// The torque per change of the velocity from one sample to the next: gain · τ/(τ + T), N·m·s/rad.
-    pub fn of_change(&self, period: f64) -> f64 {
-        self.gain * (self.tau / (self.tau + period))
+    /// inertia/(τ + T), N·m·s/rad (linear: N·s/m).
+    pub fn gain(&self, period: f64) -> f64 {
+        self.inertia / (self.tau + period)
     }
 
-    /// The part of the way to the velocity that s goes in a sample.
+    /// The part T/(τ + T) of the way to the velocity that s goes in a sample.
     pub fn part(&self, period: f64) -> f64 {
         period / (self.tau + period)
     }

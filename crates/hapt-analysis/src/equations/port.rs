@@ -210,8 +210,8 @@ impl Port {
         let matrices =
             self.blocks.iter().flat_map(|b| [&b.equations.stiffness, &b.equations.fixed, &b.equations.per_period]);
         let numbers = [self.inertia, self.stiffness, self.fixed, self.per_period, self.integral];
-        let gains = self.accelerations.iter().map(|a| &a.gain);
-        matrices.flat_map(|m| m.iter()).chain(&numbers).chain(gains).all(|x| x.is_finite())
+        let inertias = self.accelerations.iter().map(|a| &a.inertia);
+        matrices.flat_map(|m| m.iter()).chain(&numbers).chain(inertias).all(|x| x.is_finite())
     }
 
     /// The longest time constant of the equations in s, with a device damping of `damping`; 0 when there is none.

@@ -72,7 +72,7 @@ impl Ideal {
         let same: Vec<usize> = (0..own.len()).collect();
         let rest = condense(own, &same, &self.part.links, |link| C::new(link.stiffness, omega * link.fixed))?;
         // A torque J_c z̈ behind its low-pass is an inertia of -J_c.
-        let along = |a: &Acceleration| omega * omega * a.gain * a.tau / C::new(1.0, omega * a.tau);
+        let along = |a: &Acceleration| omega * omega * a.inertia / C::new(1.0, omega * a.tau);
         let accelerations: C = self.part.accelerations.iter().map(along).sum();
         Some(rest + C::new(0.0, -self.part.integral / omega) + accelerations)
     }
@@ -83,7 +83,7 @@ impl Ideal {
         // The puck's cluster first.
         let mut clusters = part.clusters.clone();
         clusters.sort_by_key(|cluster| !cluster.bodies.contains(&0));
-        let compensated: f64 = part.accelerations.iter().map(|a| a.gain * a.tau).sum();
+        let compensated: f64 = part.accelerations.iter().map(|a| a.inertia).sum();
         let inertia = |bodies: &mut dyn Iterator<Item = usize>| {
             bodies.filter(|&i| i > 0).map(|i| part.inertia[i]).sum::<f64>() - compensated
         };

@@ -68,7 +68,7 @@ impl TransferFunction {
         };
         let (stiffness, damping) = (at_puck(|t, _| t.stiffness), at_puck(damping));
         let accelerations: Vec<Acceleration> = terms.iter().filter_map(|t| t.acceleration).collect();
-        let gains: f64 = accelerations.iter().map(|a| a.gain).sum();
+        let gains: f64 = accelerations.iter().map(|a| a.gain(period)).sum();
         let at_puck = [stiffness, damping + gains];
         let poles = accelerations.iter().map(|a| along_acceleration(a, period)).collect();
         let mut port = TransferFunction { stiffness, direct: -damping, poles, at_puck, is_accurate: true };
@@ -206,10 +206,10 @@ fn make_real(poles: &mut [Pole]) {
 /// Least pivot of a response that is known well enough to compare with.
 const SINGULAR: f64 = 1e-3;
 
-/// The pole of a torque along the acceleration: gain (v - s) = gain p (1 - z⁻¹) z/(z - p) v, p = τ/(τ + T), is -H z with
-/// F = -gain p (1 - z⁻¹) W/(z - p).
+/// The pole of a torque along the acceleration: gain (v_k - s_{k-1}) = gain (1 - z⁻¹) z/(z - p) v, p = τ/(τ + T), is -H z with
+/// F = -gain (1 - z⁻¹) W/(z - p).
 fn along_acceleration(acceleration: &Acceleration, period: f64) -> Pole {
-    let gain = C::from(acceleration.of_change(period));
+    let gain = C::from(acceleration.gain(period));
     let ln_abs = -(period / acceleration.tau).ln_1p();
     Pole { ln_abs, arg: 0.0, gains: [C::from(0.0), C::from(0.0), gain, -gain] }
 }

@@ -82,7 +82,7 @@ pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
     let [stiffness, damping] = at_puck(world, &world.couplings)?;
     let (device, period, rest) = (&world.device, world.sampling.period, beyond_friction(world));
     let (friction, step, count) = (rest.device.least_friction(), step(world), world.count());
-    let along: f64 = rest.couplings.iter().filter_map(|c| Acceleration::of(&c.law)).map(|a| a.of_change(period)).sum();
+    let along: f64 = rest.couplings.iter().filter_map(|c| Acceleration::of(&c.law)).map(|a| a.gain(period)).sum();
     let by_velocity = damping + 2.0 * along;
     let least_friction = count.map_or(0.0, |count| by_velocity * count * error_by_counts(&world.sampling)) + 0.5 * step;
     let max_stiffness = (count.is_some() || step > 0.0).then(|| {

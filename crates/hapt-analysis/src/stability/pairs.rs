@@ -34,7 +34,7 @@ pub(super) fn continuous_pairs(part: &Part, port: &Port, damping: f64, period: f
     Ok(spectrum(&Modal::new(&whole)?, Method::Zoh, period)?.1)
 }
 
-/// The same of a part with an integral term or torques along the acceleration: ẇ = v, M v̇ = -K w - C v + e₀ (Σ gain (v₀ - s) - integral i), i̇ = w₀,
+/// The same of a part with an integral term or torques along the acceleration: ẇ = v, M v̇ = -K w - C v + e₀ (Σ J_c (v₀ - s)/τ - integral i), i̇ = w₀,
 /// ṡ = (v₀ - s)/τ.
 fn with_states(part: &Part, period: f64) -> Result<Vec<Root>, Error> {
     let n = part.inertia.len();
@@ -61,7 +61,8 @@ fn with_states(part: &Part, period: f64) -> Result<Vec<Root>, Error> {
         a[(n, sum)] = -part.integral / part.inertia[0];
         a[(sum, 0)] = 1.0;
     }
-    for (s, Acceleration { gain, tau }) in (first..).zip(&part.accelerations) {
+    for (s, Acceleration { inertia, tau }) in (first..).zip(&part.accelerations) {
+        let gain = inertia / tau;
         a[(n, n)] += gain / part.inertia[0];
         a[(n, s)] -= gain / part.inertia[0];
         (a[(s, n)], a[(s, s)]) = (tau.recip(), -tau.recip());

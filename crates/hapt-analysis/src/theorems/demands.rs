@@ -332,7 +332,7 @@ fn felt(world: &World, couplings: &[Coupling]) -> Result<[f64; 2], Error> {
 
 /// A linear loop, and nonlinear laws between puck and ground. Each of the two gets a share of the damping.
 fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error> {
-    if world.sampling.estimator == EstimatorKind::LowPass {
+    if world.sampling.estimator == EstimatorKind::LowPass && takes_estimate(world) {
         return Ok(Demanded::outside(LOW_PASS));
     }
     // A compensating damper and its springs may fall into different groups.
@@ -376,7 +376,7 @@ fn energy(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Err
     if couplings.iter().any(|c| Kind::of(c) == Kind::Coulomb && laws::most(c) > 0.0 && laws::at_puck(c)) {
         return Ok(Demanded::new(Demand::Never { cause: Cause::Coulomb, at_hz: None }, &ENERGY));
     }
-    if world.sampling.estimator == EstimatorKind::LowPass {
+    if world.sampling.estimator == EstimatorKind::LowPass && takes_estimate(world) {
         return Ok(Demanded::outside(LOW_PASS));
     }
     if let Some(why) = outside_energy(world, timing) {

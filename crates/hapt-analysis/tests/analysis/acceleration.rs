@@ -310,3 +310,50 @@ fn a_compensation_prints_what_it_costs() {
         assert!((said / cost - 1.0).abs() < 1e-3, "{note} {cost}");
     }
 }
+
+/// A low-pass far beyond the sampling rate passes everything: the requirement is that of double differences, 9 J_c/(8 T), and the growth that of
+/// the limit, whatever the cutoff.
+#[test]
+fn a_low_pass_that_passes_everything_is_a_double_difference() {
+    let of = |cutoff: f64, inertia: f64| {
+        let mut world = world(vec![along(inertia, cutoff), spring(End::Puck, End::Ground, 2.0)]);
+        world.device.damping = 1.2e-3;
+        world
+    };
+    for inertia in [3e-8, 1e-6, 1e-4] {
+        let limit = free_growth(&of(1e7, inertia)).unwrap().unwrap();
+        for cutoff in [1e8, 1e11, 1e15, 1e20] {
+            let world = of(cutoff, inertia);
+            let required = passivity(&world).unwrap().required_damping.unwrap();
+            let wanted = 9.0 * inertia / (8.0 * PERIOD) + 1e-3;
+            assert!((required / wanted - 1.0).abs() < 1e-5, "{cutoff} {inertia}: {required} {wanted}");
+            let growth = free_growth(&world).unwrap().unwrap();
+            assert!((growth - limit).abs() < 1e-3 * limit.abs(), "{cutoff} {inertia}: {growth} {limit}");
+        }
+    }
+}
+
+/// A limit that is a little more than the device's friction is not proved, and not refuted: the friction takes small torques too. Without
+/// friction the linear loop refutes it.
+#[test]
+fn a_limit_beyond_the_devices_friction_is_open() {
+    let mut world = world(vec![Coupling { limit: Some(5.1e-3), ..along(1e-4, 5.0) }]);
+    (world.device.damping, world.device.friction) = (1.2e-3, 5e-3);
+    assert_eq!(check(&world).unwrap().status, Status::Open);
+    world.device.friction = 0.0;
+    assert_eq!(check(&world).unwrap().status, Status::Refuted);
+    world.device.friction = 5.1e-3;
+    assert_eq!(check(&world).unwrap().status, Status::Certified);
+}
+
+/// An estimator that nothing takes has no effect: with a limit that friction takes the rest is proved behind a low-pass as behind others.
+#[test]
+fn an_estimator_that_nothing_takes_has_no_effect() {
+    let wall = Law::Wall { side: Side::Above, at: 0.1, stiffness: 0.5, damping: 0.0 }.between(End::Puck, End::Ground);
+    let mut world = world(vec![Coupling { limit: Some(4.5e-3), ..along(1e-2, 5.0) }, wall]);
+    (world.device.damping, world.device.friction, world.sampling.cutoff) = (1.2e-3, 5e-3, Some(50.0));
+    for estimator in EstimatorKind::ALL {
+        (world.sampling.estimator, world.sampling.acceleration) = (estimator, Some(1e3));
+        assert_eq!(check(&world).unwrap().status, Status::Certified, "{estimator:?}");
+    }
+}

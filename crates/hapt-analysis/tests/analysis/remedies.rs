@@ -612,6 +612,11 @@ fn no_interval_is_certified_around_a_number_that_is_not() {
 fn a_coupling_that_compensates_too_much_has_a_smaller_number_as_remedy() {
     for (coupling, key, certified) in [
         ("kind = \"assist\"\ntorque = \"6 N mm\"\nvelocity = 1", "torque = \"5 N mm\"", "torque = 0.005"),
+        (
+            "kind = \"acceleration\"\ninertia = 5e-5\nlimit = \"6 N mm\"\ncutoff = \"5 Hz\"",
+            "limit = \"5 N mm\"",
+            "limit = 0.005",
+        ),
         ("kind = \"acceleration\"\ninertia = 5e-5\ncutoff = \"5 Hz\"", "inertia = \"", "inertia = 3.92e-5"),
     ] {
         let file = |coupling: &str| {

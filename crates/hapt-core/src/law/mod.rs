@@ -142,7 +142,7 @@ pub enum Law {
     Acceleration {
         /// kg·m² (linear: kg), zero or more.
         inertia: f64,
-        /// Of the low-pass in Hz, positive.
+        /// Of the low-pass in Hz, positive, and at most the sampling rate.
         cutoff: f64,
     },
     /// torque

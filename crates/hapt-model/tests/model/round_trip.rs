@@ -378,7 +378,16 @@ fn world() -> impl Strategy<Value = World> {
                     one.of != Compensated::Friction || (device.least_friction() > 0.0 && sampling.advance == 0);
                 is_there && sampling.recentre.is_none() && device.compensation(*one).is_some()
             };
-            let compensations: Vec<Compensation> = compensations.into_iter().filter(is_possible).collect();
+            // A low-pass of samples has a cutoff below their rate.
+            let slow = |cutoff: f64| cutoff.min(0.5 / sampling.period);
+            let mut couplings = couplings;
+            for coupling in &mut couplings {
+                if let Law::Acceleration { cutoff, .. } = &mut coupling.law {
+                    *cutoff = slow(*cutoff);
+                }
+            }
+            let slowed = |one: Compensation| Compensation { cutoff: one.cutoff.map(slow), ..one };
+            let compensations: Vec<Compensation> = compensations.into_iter().map(slowed).filter(is_possible).collect();
             let compensating = compensations.iter().filter_map(|one| device.compensation(*one));
             let couplings = couplings.into_iter().chain(compensating).collect();
             World { title, motion, sampling, device, safety, names, bodies, couplings, compensations, scenarios }

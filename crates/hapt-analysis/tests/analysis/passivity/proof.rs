@@ -95,6 +95,7 @@ fn what_is_not_proved_says_why() {
     one(
         &|w| {
             damped(w);
+            w.couplings.push(damper(End::Body(0), End::Puck, 0.01));
             (w.sampling.estimator, w.sampling.cutoff) = (EstimatorKind::LowPass, Some(100.0));
         },
         "low-pass",

@@ -69,6 +69,10 @@ fn the_device_and_the_top() {
             "compensation.0.cutoff: missing; expected a frequency (Hz) above 0, such as \"50 Hz\"",
         ),
         (
+            "device = { inertia = 1 }\ncompensation = [{ of = \"inertia\", cutoff = \"2 kHz\" }]",
+            "compensation.0.cutoff: 2000 Hz is above the sampling rate; expected 1 Hz at most, since samples show nothing faster",
+        ),
+        (
             "device = { inertia = 1, friction = 1 }\ncompensation = [{ of = \"friction\", velocity = 1, cutoff = 5 }]",
             "compensation.0.cutoff: friction has no cutoff: only inertia has one",
         ),
