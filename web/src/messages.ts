@@ -5,7 +5,7 @@ export type Phase = "disarmed" | "fading-in" | "running" | "fading-out" | "fault
 export type Motion = "rotary" | "linear";
 export type Side = "above" | "below";
 export type Kind = "spring" | "damper" | "wall" | "detent" | "dead-band" | "magnet" | "texture" | "friction" | "integral" | "assist" | "acceleration" | "constant";
-export type LawNumber = "at" | "bristle_damping" | "bristle_stiffness" | "coulomb" | "damping" | "limit" | "phase" | "pitch" | "rest" | "stiffness" | "stribeck" | "stribeck_velocity" | "time" | "torque" | "velocity" | "viscous" | "width";
+export type LawNumber = "at" | "bristle_damping" | "bristle_stiffness" | "coulomb" | "cutoff" | "damping" | "inertia" | "limit" | "phase" | "pitch" | "rest" | "stiffness" | "stribeck" | "stribeck_velocity" | "time" | "torque" | "velocity" | "viscous" | "width";
 
 /** A histogram: edges, and one count fewer. */
 export type Bars = {

@@ -295,7 +295,7 @@ fn columns_are_found_by_their_names_and_read_in_their_units() {
     let (rows, _) = named.read("u_Nm,t_s,enc_counts\n0.5,0,100\n").unwrap();
     // A column that is only named by them is found.
     let unnamed = Columns { counts: Some(400.0), ..Columns::default() };
-    let (plain, _) = unnamed.read("u_Nm\tt_s\tcounts\n0.5\t0\t100\n0.5\t1\t101\n").unwrap();
+    let (plain, _) = unnamed.read("torque_Nm\tt_s\tcounts\n0.5\t0\t100\n0.6\t1\t101\n").unwrap();
     assert_eq!(plain[1][0], rows[1][0]);
     near(&rows[1], [half; 2]);
     let spring = Columns { spring: Some(2.0), ..Columns::default() };
