@@ -182,7 +182,7 @@ impl World {
                 over * springs.sum::<f64>()
             }
         };
-        // A torque along the acceleration is a damper by the velocity that its low-pass does not follow.
+        // A torque along the acceleration changes with the velocity as a damper of inertia/τ does, at most.
         let of_acceleration = if let Law::Acceleration { inertia, cutoff } = coupling.law {
             std::f64::consts::TAU * cutoff * inertia
         } else {

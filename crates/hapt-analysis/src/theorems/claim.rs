@@ -153,7 +153,7 @@ impl Claim {
 
 /// Whether the linear loop needs more damping at slopes that the world has at one position: a bound that is only enough refutes nothing.
 fn lacks(world: &World, timing: Timing, wanted: Wanted) -> Result<bool, Error> {
-    // The device's friction may take small ones of these, and their limit bounds the others.
+    // The linear loop refutes nothing of a torque with a limit: friction may take it while it is small, and it does not grow beyond the limit.
     let is_open = |c: &Coupling| c.limit.is_some() && Acceleration::of(&c.law).is_some();
     let mut world = world.clone();
     if world.device.least_friction() > 0.0 {

@@ -3,11 +3,12 @@
 use std::f64::consts::TAU;
 
 use hapt_analysis::{
-    Grip, Impedance, Slopes, Status, Verdict, check, free_growth, gripped_growth, is_certified, passivity, uneven,
+    Grip, Impedance, Slopes, Status, Verdict, check, free_growth, gripped_growth, is_certified, passivity, remedies,
+    uneven,
 };
 use hapt_core::{Loop, Puck};
 use hapt_model::{
-    Body, Compensated, Compensation, Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World,
+    Body, Compensated, Compensation, Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, Source, World,
 };
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
@@ -355,5 +356,38 @@ fn an_estimator_that_nothing_takes_has_no_effect() {
     for estimator in EstimatorKind::ALL {
         (world.sampling.estimator, world.sampling.acceleration) = (estimator, Some(1e3));
         assert_eq!(check(&world).unwrap().status, Status::Certified, "{estimator:?}");
+    }
+}
+
+/// A coupling of the file that does what a compensation does has a smaller number as its remedy.
+#[test]
+fn a_coupling_that_compensates_too_much_has_a_smaller_number_as_remedy() {
+    for (coupling, key, certified) in [
+        ("kind = \"assist\"\ntorque = \"6 N mm\"\nvelocity = 1", "torque = \"5 N mm\"", "torque = 0.005"),
+        (
+            "kind = \"acceleration\"\ninertia = 5e-5\nlimit = \"6 N mm\"\ncutoff = \"5 Hz\"",
+            "limit = \"5 N mm\"",
+            "limit = 0.005",
+        ),
+        ("kind = \"acceleration\"\ninertia = 5e-5\ncutoff = \"5 Hz\"", "inertia = \"", "inertia = 3.92e-5"),
+    ] {
+        let file = |coupling: &str| {
+            format!(
+                "loop = {{ period = 0.001, estimator = \"difference\" }}\n\
+                 device = {{ inertia = 6.4e-4, damping = 1.2e-3, friction = \"5 N mm\" }}\n\
+                 [[couplings]]\nbetween = [\"puck\", \"ground\"]\n{coupling}\n"
+            )
+        };
+        let source = Source::from_text("w", file(coupling));
+        let world = World::read(&source, &[]).unwrap();
+        let (check, found) = (check(&world).unwrap(), remedies(&world).unwrap());
+        assert!(!check.certified.holds());
+        let all = hapt_analysis::proposal(&world, &source, &[], &check, &found).unwrap().unwrap();
+        let lines = all.lines();
+        assert!(lines.iter().any(|line| line.trim_start().starts_with(key)), "{lines:?}");
+        let name = certified.split(' ').next().unwrap();
+        let others: Vec<&str> = coupling.lines().filter(|line| !line.starts_with(name)).collect();
+        let smaller = file(&format!("{}\n{certified}", others.join("\n")));
+        assert!(is_certified(&World::read(&Source::from_text("w", smaller), &[]).unwrap()));
     }
 }
