@@ -1,6 +1,14 @@
 //! Helpers for the tests of several crates.
 
 pub mod laws;
+pub mod property;
+
+/// proptest's, with [`proptest!`] of this crate.
+pub mod prelude {
+    pub use proptest::prelude::*;
+
+    pub use crate::proptest;
+}
 
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};

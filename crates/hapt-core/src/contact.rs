@@ -191,7 +191,7 @@ fn solve<F: Real>(response: &StepResponse<F>, ends: (F, F), rising: bool, law: i
 mod tests {
     use super::*;
     use crate::law::Ramp;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #![proptest_config(hapt_testing::cases(20000))]
@@ -199,7 +199,7 @@ mod tests {
         #[test]
         fn the_torque_found_satisfies_both_line_and_law(
             place in (-1.0_f64..2.0, -1.0_f64..2.0), near in prop::option::of((-17_i32..-1, 1.0_f64..10.0)),
-            free in (-12_i32..1, -10.0_f64..10.0), stiff in -3.0_f64..3.0, two_sided: bool,
+            free in (-12_i32..1, -10.0_f64..10.0), stiff in -3.0_f64..3.0, two_sided in any::<bool>(),
         ) {
             let (stiffness, limit) = (10.0, 10.0);
             let low = if two_sided { -limit } else { 0.0 };

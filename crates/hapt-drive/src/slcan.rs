@@ -245,6 +245,8 @@ fn command(line: &[u8]) -> HostCommand {
 
 #[cfg(test)]
 mod tests {
+    use hapt_testing::prelude::*;
+
     use super::*;
 
     fn line(frame: &Frame) -> Vec<u8> {
@@ -300,21 +302,24 @@ mod tests {
         }
     }
 
-    proptest::proptest! {
+    proptest! {
         #[test]
-        fn a_written_frame_reads_back(id in 0_u32..1 << 29, extended: bool, remote: bool, length in 0_u8..9, data: [u8; 8]) {
+        fn a_written_frame_reads_back(
+            id in 0_u32..1 << 29, extended in any::<bool>(), remote in any::<bool>(), length in 0_u8..9,
+            data in any::<[u8; 8]>(),
+        ) {
             let id = if extended { id } else { id & 0x7ff };
             let mut frame = if remote { Frame::remote(id, length) } else { Frame::classic(id, &data[..length.into()]) };
             frame.extended = extended;
             let line = line(&frame);
-            proptest::prop_assert_eq!(read(&line[..line.len() - 1]), Some(frame));
+            prop_assert_eq!(read(&line[..line.len() - 1]), Some(frame));
         }
 
         #[test]
-        fn random_bytes_are_parsed_without_a_panic(line: Vec<u8>) {
+        fn random_bytes_are_parsed_without_a_panic(line in any::<Vec<u8>>()) {
             if let Some(frame) = read(&line) {
                 let mut room = [0; MAX_LINE_BYTES];
-                proptest::prop_assert!(write(&frame, &mut room).is_some());
+                prop_assert!(write(&frame, &mut room).is_some());
             }
         }
     }

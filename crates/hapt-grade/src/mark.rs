@@ -298,7 +298,7 @@ fn shown(value: &Value) -> String {
 mod tests {
     use super::*;
     use crate::pack::Pack;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
     use std::path::PathBuf;
 
     /// The pack of a lesson.

@@ -58,7 +58,7 @@ pub fn lattice(positions: &[f64]) -> Option<Lattice> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
     use std::f64::consts::TAU;
 
     proptest! {

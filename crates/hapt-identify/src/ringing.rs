@@ -174,7 +174,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     use hapt_model::Handle;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
     use crate::best::best;

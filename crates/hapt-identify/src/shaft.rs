@@ -435,7 +435,7 @@ impl SimulatedShaft {
 mod tests {
     use hapt_plant::VirtualDevice;
     use hapt_plant::spec::DeviceSpec;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
 

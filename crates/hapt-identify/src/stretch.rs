@@ -83,7 +83,7 @@ pub(crate) fn stopping_time(v: f64, a: f64, beta: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #[test]

@@ -291,10 +291,10 @@ fn numbered(contents: &mut Vec<Vec<u8>>, content: Fields, opcode: u8, to: &mut V
 
 #[cfg(test)]
 mod tests {
+    use hapt_testing::prelude::*;
     use mcap::records::{MessageHeader, Metadata};
     use mcap::write::NoSeek;
     use mcap::{Attachment, WriteOptions, Writer};
-    use proptest::prelude::*;
 
     use super::*;
 

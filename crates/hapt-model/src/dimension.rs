@@ -145,7 +145,7 @@ impl fmt::Display for Dimension {
 mod tests {
     use super::*;
     use crate::unit::Unit;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     #[test]
     fn every_name_in_the_table_has_a_symbol_and_an_example_of_its_own_dimension() {

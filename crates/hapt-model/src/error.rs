@@ -160,7 +160,7 @@ impl fmt::Display for Location {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     fn shown(text: &str, meant: &str) -> String {
         let start = text.find(meant).unwrap();

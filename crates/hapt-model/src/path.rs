@@ -235,7 +235,7 @@ fn refused(message: String) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     fn parse(text: &str, carries: Carries, motion: Motion) -> Result<Vec<(f64, f64)>, String> {
         let source = Source::from_text("w.toml", "");

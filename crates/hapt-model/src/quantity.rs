@@ -232,7 +232,7 @@ impl<'a> Number<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
     use std::f64::consts::{PI, TAU};
 
     fn si(text: &str) -> f64 {

@@ -287,7 +287,7 @@ fn nearest_known(nearest: Option<&str>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     fn unit(text: &str) -> Unit {
         Unit::parse(text).unwrap_or_else(|error| panic!("{text}: {error}"))

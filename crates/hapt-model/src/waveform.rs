@@ -150,7 +150,7 @@ fn parse(name: &str, text: &str) -> Result<Vec<f64>, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     fn sampled(waveform: &Waveform, count: usize) -> Vec<f64> {
         (0..count).map(|i| waveform.at(TAU * i as f64 / count as f64)).collect()

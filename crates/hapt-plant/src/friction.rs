@@ -294,7 +294,7 @@ fn first_crossing(slices: &Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<Cros
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #![proptest_config(hapt_testing::cases(2000))]
@@ -302,7 +302,7 @@ mod tests {
         /// From nearly no damping to one that stops the puck nearly by itself.
         #[test]
         fn a_slide_has_no_velocity_at_the_instant_of_its_stop(
-            inertia in 1e-5_f64..1.0, damped in -18_i32..4, velocity in -50.0_f64..50.0, time in -7_i32..0, undamped: bool,
+            inertia in 1e-5_f64..1.0, damped in -18_i32..4, velocity in -50.0_f64..50.0, time in -7_i32..0, undamped in any::<bool>(),
         ) {
             // As long as it takes without damping, and how much of that damping would take.
             let time = 10_f64.powi(time);

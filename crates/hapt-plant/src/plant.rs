@@ -430,7 +430,7 @@ impl Propagator {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     fn or_zero(of: core::ops::Range<f64>) -> impl Strategy<Value = f64> {
         prop_oneof![Just(0.0), of]

@@ -159,7 +159,7 @@ impl Stretches {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     fn reduced(values: &[f64], room: usize) -> Extremes {
         let mut extremes = Extremes::new(room);

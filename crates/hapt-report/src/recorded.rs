@@ -244,7 +244,7 @@ impl Trace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     fn panel(columns: usize) -> PlotPanel {
         let trace =

@@ -302,7 +302,7 @@ impl fmt::Display for Timing {
 #[cfg(test)]
 mod tests {
     use hapt_core::Phase;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
     use crate::BODIES;

@@ -5,7 +5,7 @@ use std::ptr::{null, null_mut};
 
 use hapt_fmi::{Kind, Version, fmi2, fmi3};
 use hapt_testing::cases;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::fmu::{Fmu, Instance, WHEEL, world};
 

@@ -2,7 +2,7 @@
 
 use hapt_fmi::{Clock, Kind, Version};
 use hapt_testing::cases;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::fmu::{Fmu, Instance, WHEEL, world};
 

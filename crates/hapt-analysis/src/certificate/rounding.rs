@@ -58,7 +58,7 @@ pub(crate) fn within(edge: f64, side: Certified) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #[test]

@@ -64,7 +64,7 @@ impl Change {
 mod tests {
     use super::*;
     use crate::numerics::phi::{phi1, phi2};
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #[test]

@@ -79,7 +79,7 @@ impl DrivenShaft {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     const HANDLE: Handle = Handle { inertia: 5e-4, stiffness: 20.0, damping: 0.0 };
 

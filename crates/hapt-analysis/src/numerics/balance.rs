@@ -50,7 +50,7 @@ pub(crate) fn unscaled(a: &DMatrix<f64>, s: &DVector<f64>) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #[test]

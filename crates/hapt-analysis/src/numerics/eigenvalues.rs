@@ -47,7 +47,7 @@ pub(crate) fn eigenvalues_and_scale(a: &DMatrix<f64>) -> Result<(Vec<Complex<f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #[test]

@@ -169,7 +169,7 @@ fn block(a: f64, b: f64, c: f64, d: f64) -> [Complex<f64>; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         // Equal ones up to rounding, of which the larger may be smaller than the rounding of a d - b c.

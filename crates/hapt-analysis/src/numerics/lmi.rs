@@ -168,7 +168,7 @@ fn barrier(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         /// Rotations that shrink, each in the coordinates of one hidden ellipse: that ellipse proves them, and the solver finds one.

@@ -365,8 +365,8 @@ impl Search<'_> {
 
 #[cfg(test)]
 mod tests {
+    use hapt_testing::prelude::*;
     use nalgebra::Complex;
-    use proptest::prelude::*;
     use proptest::strategy::ValueTree;
 
     use super::*;

@@ -388,7 +388,7 @@ mod tests {
     use crate::equations::structure::{inertias_with_puck, linearise_with_puck, parts};
     use crate::numerics::eigenvalues::eigenvalues;
     use hapt_model::{Source, World as File};
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     /// A chain of six bodies behind the puck, with dampers in parallel with the springs where they are requested.
     fn chain(numbers: &[f64], method: &str, estimator: &str, device: &str, is_damped: bool, is_grounded: bool) -> File {

@@ -133,7 +133,7 @@ pub(crate) fn rk4_excess(Root { z, square, .. }: Root) -> [f64; 8] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #[test]

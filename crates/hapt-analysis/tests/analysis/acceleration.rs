@@ -10,8 +10,8 @@ use hapt_core::{Loop, Puck};
 use hapt_model::{
     Body, Compensated, Compensation, Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, Source, World,
 };
+use hapt_testing::prelude::*;
 use nalgebra::{Complex, DMatrix};
-use proptest::prelude::*;
 
 use crate::common::*;
 
@@ -163,7 +163,8 @@ proptest! {
     /// takes all that a motion draws.
     #[test]
     fn beside_walls_and_bodies_it_has_a_share_of_its_own(
-        inertia in 1e-6..2e-4f64, cutoff in 1.0..200.0f64, k in 0.1..5.0f64, with_body: bool, at_body: bool, from_above: bool,
+        inertia in 1e-6..2e-4f64, cutoff in 1.0..200.0f64, k in 0.1..5.0f64, with_body in any::<bool>(),
+        at_body in any::<bool>(), from_above in any::<bool>(),
         steps in prop::collection::vec(-1.0..1.0f64, 400), swing in 0.05..3.1f64,
     ) {
         let side = if from_above { Side::Above } else { Side::Below };

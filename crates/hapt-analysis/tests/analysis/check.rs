@@ -7,7 +7,7 @@ use hapt_analysis::{Continuous, Design, Discrete, Slopes, check};
 use hapt_core::spec::Range;
 use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, World, builtin};
 use hapt_testing::laws::laws;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::*;
 

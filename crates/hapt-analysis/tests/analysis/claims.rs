@@ -2,7 +2,7 @@
 
 use hapt_analysis::{PatternVerdict, Status, check, is_certified, passivity, required_damping};
 use hapt_model::{Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 use proptest::sample::select;
 
 use crate::common::*;

@@ -4,7 +4,7 @@ use hapt_analysis::multipliers;
 use hapt_analysis::stability::critical::{Critical, RK4_REAL, critical};
 use hapt_analysis::{Slopes, free, free_growth, held};
 use hapt_model::{Delay, End, EstimatorKind, Method, Output, Source, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::*;
 

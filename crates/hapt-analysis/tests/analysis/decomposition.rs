@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use hapt_analysis::Keys;
 use hapt_analysis::{Decomposition, free_eigenvalues, held_eigenvalues};
 use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::*;
 

@@ -5,7 +5,7 @@ use hapt_model::{
     Compensated, Compensation, Delay, End, EstimatorKind, FrictionByPosition, Handle, Law, Method, Output, Stribeck,
     Waveform, World,
 };
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::*;
 
@@ -16,7 +16,7 @@ proptest! {
     #[test]
     fn the_smaller_level_counts(
         k in 0.1_f64..5.0, counts in prop::option::of(500.0_f64..2e4), levels in prop::option::of(10_u32..1000), share in 0.3_f64..3.0,
-        part in 0.5_f64..1.5, [tolerance, other] in [0.0_f64..0.9, 0.0..0.9], more in 0.0_f64..2.0, back: bool,
+        part in 0.5_f64..1.5, [tolerance, other] in [0.0_f64..0.9, 0.0..0.9], more in 0.0_f64..2.0, back in any::<bool>(),
     ) {
         let spring = hapt_model::Coupling { law: Law::Spring { stiffness: k, rest: 0.0 }, ..damper(End::Puck, End::Ground, 1e-3) };
         let mut world = Bench::of(vec![spring, damper(End::Puck, End::Ground, 1e-3)]).world(Method::Zoh, Output::End, 1e-3);
@@ -122,7 +122,7 @@ proptest! {
     #[test]
     fn friction_that_falls_asks_for_no_damping(
         bench in worlds(Dampers::Fixed, true), torque in 1e-4_f64..0.1, velocity in 0.01_f64..10.0, friction in 0.0_f64..0.05,
-        counts in prop::option::of(500.0_f64..2e4), x in 0.01..1.0_f64, on_a_shaft: bool,
+        counts in prop::option::of(500.0_f64..2e4), x in 0.01..1.0_f64, on_a_shaft in any::<bool>(),
     ) {
         let mut plain = bench.world(Method::Zoh, Output::End, x / fastest(&bench));
         (plain.device.friction, plain.device.encoder) = (friction, counts.map(f64::round));

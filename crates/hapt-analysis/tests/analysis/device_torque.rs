@@ -5,7 +5,7 @@ use hapt_model::{
     Cogging, Compensated, Compensation, Coupling, Damping, DeviceTorque, End, EstimatorKind, Gravity, Law, Method,
     Output, Waveform, World,
 };
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::*;
 

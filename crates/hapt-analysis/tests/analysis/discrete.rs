@@ -2,8 +2,8 @@
 
 use hapt_analysis::{Continuous, Discrete, Slopes};
 use hapt_model::{Coupling, Damping, End, Law, Method, Output};
+use hapt_testing::prelude::*;
 use nalgebra::{DVector, Vector2};
-use proptest::prelude::*;
 
 use crate::common::*;
 

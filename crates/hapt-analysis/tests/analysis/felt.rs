@@ -5,8 +5,8 @@ use std::f64::consts::{PI, TAU};
 use hapt_analysis::impedance::rendered::{Element, Nominal, TOLERANCE};
 use hapt_analysis::{Continuous, Elements, Impedance, Slopes, required_damping};
 use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, World};
+use hapt_testing::prelude::*;
 use nalgebra::{Complex, DMatrix};
-use proptest::prelude::*;
 
 use crate::common::*;
 

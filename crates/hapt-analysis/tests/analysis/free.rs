@@ -6,8 +6,8 @@ use std::f64::consts::TAU;
 use hapt_analysis::{Grip, Stability, Verdict, eigenvalues, free, gripped_growth};
 use hapt_core::{Loop, Puck, Spec};
 use hapt_model::{Coupling, Damping, End, Estimator, EstimatorKind, Law, Method, Output, Side, World};
+use hapt_testing::prelude::*;
 use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
-use proptest::prelude::*;
 
 use crate::common::*;
 

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use hapt_analysis::MARGINAL;
 use hapt_analysis::{Grip, breaking_damping, free_growth, gripped_growth, is_certified, required_damping, worst_grip};
 use hapt_model::{End, Method, Output, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 use proptest::sample::select;
 
 use crate::common::*;

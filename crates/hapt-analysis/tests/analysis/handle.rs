@@ -5,7 +5,7 @@ use hapt_analysis::{
     is_certified, passivity, required_damping, uneven, worst_grip, worst_pattern,
 };
 use hapt_model::{Delay, End, EstimatorKind, Handle, Law, Method, Output, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 use proptest::sample::select;
 
 use crate::common::*;

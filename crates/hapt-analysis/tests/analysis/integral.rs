@@ -3,8 +3,8 @@
 use hapt_analysis::{Status, Verdict, check, free_growth, gripped_growth, is_certified, worst_grip};
 use hapt_core::{Loop, Puck};
 use hapt_model::{Coupling, Delay, End, EstimatorKind, Law, Method, Output, World};
+use hapt_testing::prelude::*;
 use nalgebra::{Complex, DMatrix};
-use proptest::prelude::*;
 
 use crate::common::*;
 

@@ -5,8 +5,8 @@ use std::f64::consts::{PI, TAU};
 use hapt_analysis::{Impedance, Status, Verdict, check, passivity, uneven};
 use hapt_core::Loop;
 use hapt_model::{Coupling, Damping, Delay, End, EstimatorKind, Law, Method, Output, Side, World};
+use hapt_testing::prelude::*;
 use nalgebra::DMatrix;
-use proptest::prelude::*;
 
 use crate::common::*;
 

@@ -3,7 +3,7 @@
 use hapt_analysis::{Status, check, free};
 use hapt_core::Waveform;
 use hapt_model::{Coupling, Delay, End, Law, Method, Output, Side, Source, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::*;
 

@@ -5,8 +5,8 @@
 
 use hapt_analysis::{check, free_growth, held, passivity, quantisation};
 use hapt_model::{End, Method, Output, World};
+use hapt_testing::prelude::*;
 use nalgebra::{Complex, DMatrix};
-use proptest::prelude::*;
 
 use crate::common::*;
 

@@ -2,7 +2,7 @@
 
 use hapt_analysis::{Status, check, passivity, required_damping};
 use hapt_model::{Coupling, End, Law, Source, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const KNOB: &str = "[loop]\nperiod = \"0.25 ms\"\nestimator = \"difference\"\nrecentre = \"0.5 s\"\n\
     [device]\ninertia = \"30 g cm^2\"\ndamping = \"4e-5 N m s/rad\"\nfriction = \"1 N mm\"\nlimit = \"40 N mm\"\nencoder = 16384\n\

@@ -3,7 +3,7 @@
 
 use hapt_analysis::{Verdict, certified_interval, check, is_certified, quick_check, remedies};
 use hapt_model::{Coupling, Damping, Delay, End, Law, Source, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 fn wheel(sets: &[String]) -> World {
     let file = r#"

@@ -3,7 +3,7 @@
 use hapt_analysis::{Continuous, Discrete, Slopes, Verdict, held, held_growth};
 use hapt_analysis::{Loops, sign};
 use hapt_model::{Body, Coupling, Damping, End, Law, Method, Output};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// J, K to the puck, K to ground, C0, T, and whether a damper of T K is in parallel with all of it, or with the spring to the puck.
 #[derive(Clone, Copy, Debug)]

@@ -10,7 +10,7 @@ use hapt_model::{
     World,
 };
 use hapt_testing::laws::{SIZES, Sizes, is_potential, some_limited};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::*;
 

@@ -9,7 +9,7 @@ use hapt_core::Loop;
 use hapt_model::{
     Body, Compensated, Compensation, Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World,
 };
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::*;
 
@@ -165,7 +165,7 @@ proptest! {
 
     /// With the damping that it requires, the loop gives no energy along these paths, at any times.
     #[test]
-    fn what_friction_takes_no_hand_gets(mut world in within(1.0 + 1e-12..1.0 + 2e-12), seed: u64) {
+    fn what_friction_takes_no_hand_gets(mut world in within(1.0 + 1e-12..1.0 + 2e-12), seed in any::<u64>()) {
         let required = uneven(&world).unwrap().required_damping;
         prop_assert!(required.is_some(), "{:?}", uneven(&world).unwrap().not_proved);
         world.device.damping = required.unwrap() * (1.0 + 1e-12);
@@ -187,7 +187,9 @@ proptest! {
 
     /// Less friction is not enough: some path draws energy.
     #[test]
-    fn with_less_friction_a_hand_gets_some(limit in 1e-3..0.1_f64, share in 0.0..0.9_f64, gain in 1.0..100.0_f64, is_integral: bool) {
+    fn with_less_friction_a_hand_gets_some(
+        limit in 1e-3..0.1_f64, share in 0.0..0.9_f64, gain in 1.0..100.0_f64, is_integral in any::<bool>(),
+    ) {
         let coupling = if is_integral { integral(gain * 0.1, 0.1, limit, false) } else { friction(limit) };
         let mut world = Bench::of(vec![coupling]).world(Method::Zoh, Output::End, 1e-3);
         (world.device.damping, world.device.friction) = (1e-3, share * limit);
@@ -224,7 +226,9 @@ proptest! {
 
     /// The rest of the friction makes up for counts and for missing damping, as on a device that has only this rest.
     #[test]
-    fn the_rest_is_that_of_a_device_with_the_rest_of_the_friction(world in within(0.5..3.0), part in 0.2..2.0_f64, overspeed in 0.01..100.0_f64, back: bool) {
+    fn the_rest_is_that_of_a_device_with_the_rest_of_the_friction(
+        world in within(0.5..3.0), part in 0.2..2.0_f64, overspeed in 0.01..100.0_f64, back in any::<bool>(),
+    ) {
         let mut world = world;
         world.safety.overspeed = Some(overspeed);
         world.device.damping = part * passivity(&world).unwrap().required_damping.unwrap_or(1e-3);

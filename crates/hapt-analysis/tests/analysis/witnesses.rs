@@ -2,7 +2,7 @@
 
 use hapt_analysis::{Check, check, proof, required_damping};
 use hapt_model::{Source, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 use serde_json::Value;
 
 fn world(text: &str) -> World {

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use hapt_analysis::z_width::{Edge, with_wall};
 use hapt_analysis::{Verdict, ZWidth, free_growth, required_damping, z_width};
 use hapt_model::{EstimatorKind, Method, Output, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::Bench;
 

@@ -75,7 +75,7 @@ impl<F: Real> Magnet<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #[test]

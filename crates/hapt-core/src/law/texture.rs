@@ -207,7 +207,7 @@ fn unit<F: Number>(turns: F) -> (F, F) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     fn waveform() -> impl Strategy<Value = Waveform> {
         let factors = || prop::array::uniform4(-1.0_f32..1.0);

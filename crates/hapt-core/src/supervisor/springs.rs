@@ -160,7 +160,7 @@ impl<F: Real> Well<F> {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
     use crate::{Body, Loop};

@@ -1,7 +1,7 @@
 //! The assist, sample by sample.
 
 use hapt_core::{Body, End, Error, Estimator, Law, Loop, Method, Output, Spec};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 type Room = Loop<f64, 2, 4, 9>;
 
@@ -12,7 +12,7 @@ proptest! {
     #[test]
     fn its_torque_is_along_the_measured_velocity(
         positions in prop::collection::vec(-1e-2..1e-2f64, 1..100), torque in 0.0..0.1f64, velocity in 1e-3..100.0f64, cutoff in 5.0..300.0f64,
-        from_ground: bool,
+        from_ground in any::<bool>(),
     ) {
         let ends = if from_ground { [End::Ground, End::Puck] } else { [End::Puck, End::Ground] };
         for method in Method::ALL {

@@ -1,7 +1,7 @@
 //! The integral term of a controller, sample by sample.
 
 use hapt_core::{Coupling, End, Error, Estimator, Law, Loop, Method, Output, Spec};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 type Room = Loop<f64, 2, 4, 9>;
 

@@ -4,7 +4,7 @@ use hapt_core::{
     Batch, Body, Coupling, Damping, End, Estimator, Lanes, Law, Loop, Method, Number, Output, Side, Spec, Waveform,
 };
 use hapt_testing::laws::SIZES;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const N: usize = 5;
 

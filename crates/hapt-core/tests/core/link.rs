@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use hapt_core::{LASTING, LinkEnd, LinkTerms, RemoteState, Strength};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 #[derive(Clone, Copy)]
 struct Message {
@@ -81,7 +81,7 @@ proptest! {
     // connected at once would give it half of K times the square of the stretch.
     #[test]
     fn taking_hold_gives_no_more_than_the_soft_torque_times_the_stretch(
-        stiffness in 0.1..10.0, part in 0.01..0.1, stretch in 0.1..1.0, travel_time in 0_usize..10, wall: bool,
+        stiffness in 0.1..10.0, part in 0.01..0.1, stretch in 0.1..1.0, travel_time in 0_usize..10, wall in any::<bool>(),
     ) {
         let soft = part * stiffness * stretch;
         let (drawn, taken) = drawn(stiffness, soft, stretch, travel_time, wall);
@@ -141,7 +141,7 @@ fn a_torque_fades_over_a_quarter_of_the_age_and_not_at_once() {
 
 proptest! {
     #[test]
-    fn a_strength_is_the_largest_step_below_a_part(part in 0.0..1.5_f64, byte: u8) {
+    fn a_strength_is_the_largest_step_below_a_part(part in 0.0..1.5_f64, byte in any::<u8>()) {
         let found = Strength::at_most(part);
         prop_assert!(found.part() <= part);
         prop_assert!(found == Strength::WHOLE || Strength(found.0 + 1).part() > part);
@@ -154,7 +154,7 @@ proptest! {
     // bound.
     #[test]
     fn the_others_velocity_that_acts_is_bounded_by_its_motion(
-        sender in 0.5e-3..4e-3_f64, receiver in 0.5e-3..4e-3_f64, loss in 0.0..0.9_f64, steps: [f64; 16], seed in 1_u64..,
+        sender in 0.5e-3..4e-3_f64, receiver in 0.5e-3..4e-3_f64, loss in 0.0..0.9_f64, steps in any::<[f64; 16]>(), seed in 1_u64..,
     ) {
         let mut state = seed;
         let mut random = || {

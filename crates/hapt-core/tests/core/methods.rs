@@ -1,7 +1,7 @@
 //! Every method obeys its own rule (docs/contract.md, section 4), for every linear world; the explicit ones for every world.
 
 use hapt_core::{Body, Coupling, Damping, End, Law, Loop, Method, Output, Spec, Vector};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::reference::{World, world};
 

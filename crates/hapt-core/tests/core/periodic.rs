@@ -1,7 +1,7 @@
 //! Laws that repeat, with phases of any size.
 
 use hapt_core::{Coupling, End, Law, Loop, Real, Spec, Waveform};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// The torque on the puck at these positions.
 fn torques<F: Real>(coupling: Coupling, positions: &[f64]) -> Vec<f64> {
@@ -18,7 +18,8 @@ proptest! {
     /// same.
     #[test]
     fn the_steepness_does_not_depend_on_the_phase(
-        pitch in 1e-3..1.0f64, torque in 1e-3..1.0f64, decades in -3.0..300.0f64, negative: bool, harmonic in 0..4_usize, is_detent: bool,
+        pitch in 1e-3..1.0f64, torque in 1e-3..1.0f64, decades in -3.0..300.0f64, negative in any::<bool>(),
+        harmonic in 0..4_usize, is_detent in any::<bool>(),
     ) {
         let phase = if negative { -10f64.powf(decades) } else { 10f64.powf(decades) };
         let mut waveform = Waveform { sine: [0.0; 4], cosine: [0.0; 4] };

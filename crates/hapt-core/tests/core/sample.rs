@@ -1,7 +1,7 @@
 //! One sample, step by step as docs/contract.md, section 3 has it: the encoder, the velocity, the torque's state.
 
 use hapt_core::{Body, Coupling, End, Estimator, Law, Loop, Method, Output, Spec};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::reference::{World, world};
 
@@ -72,7 +72,7 @@ proptest! {
 
     #[test]
     fn foaw_is_what_its_definition_says(
-        steps in prop::collection::vec(-3_i32..4, 1..80), calm in 0.0_f64..2.0, window in 1_u32..32, best: bool,
+        steps in prop::collection::vec(-3_i32..4, 1..80), calm in 0.0_f64..2.0, window in 1_u32..32, best in any::<bool>(),
     ) {
         let count = TAU / 500.0;
         let estimator = if best { Estimator::FoawBest { window } } else { Estimator::Foaw { window } };
@@ -112,7 +112,7 @@ proptest! {
 
     #[test]
     fn a_difference_over_samples_is_its_equation_and_over_one_the_difference_to_the_bit(
-        positions in prop::collection::vec(-1.0_f64..1.0, 2..60), every in 1_u32..32, is_counted: bool,
+        positions in prop::collection::vec(-1.0_f64..1.0, 2..60), every in 1_u32..32, is_counted in any::<bool>(),
     ) {
         let spec = Spec { count: is_counted.then_some(TAU / 500.0), ..EMPTY };
         let measured = measure(&Spec { estimator: Estimator::DifferenceOver { every }, ..spec }, &positions);
@@ -128,7 +128,8 @@ proptest! {
     /// The world sees the filtered position, and the estimator the measured one: a spring and a damper, with and without a count.
     #[test]
     fn a_filter_shows_the_world_its_equation_and_leaves_the_velocity(
-        positions in prop::collection::vec(-1.0_f64..1.0, 2..40), filter in 1.0_f64..1000.0, is_counted: bool, first: bool,
+        positions in prop::collection::vec(-1.0_f64..1.0, 2..40), filter in 1.0_f64..1000.0,
+        is_counted in any::<bool>(), first in any::<bool>(),
     ) {
         let laws = [Law::Spring { stiffness: 2.0, rest: 0.1 }, Law::Damper { damping: hapt_core::Damping::Fixed(0.3) }];
         let couplings = laws.map(|law| law.between(End::Puck, End::Ground));
@@ -253,7 +254,7 @@ proptest! {
     #[test]
     fn a_bristle_is_bent_at_the_sample_and_then_stands(
         levels in (0.01_f64..0.1, 0.0_f64..0.1), stribeck_velocity in 0.05_f64..2.0, bristle in (1.0_f64..500.0, 0.0_f64..0.1),
-        viscous in 0.0_f64..0.01, puck in prop::collection::vec((-0.5_f64..0.5, -3.0_f64..3.0), 6), reversed: bool,
+        viscous in 0.0_f64..0.01, puck in prop::collection::vec((-0.5_f64..0.5, -3.0_f64..3.0), 6), reversed in any::<bool>(),
     ) {
         let (coulomb, stribeck) = (levels.0, levels.0 + levels.1);
         let (bristle_stiffness, bristle_damping) = bristle;
@@ -329,7 +330,7 @@ proptest! {
     /// The filter as its definition has it, with the gains that the core gives.
     #[test]
     fn kalman_is_its_equations(
-        positions in prop::collection::vec(-1.0_f64..1.0, 2..60), cutoff in 1.0_f64..1000.0, is_counted: bool,
+        positions in prop::collection::vec(-1.0_f64..1.0, 2..60), cutoff in 1.0_f64..1000.0, is_counted in any::<bool>(),
     ) {
         let spec = Spec { count: is_counted.then_some(TAU / 500.0), ..EMPTY };
         let measured = measure(&Spec { estimator: Estimator::Kalman { cutoff }, ..spec }, &positions);

@@ -1,7 +1,7 @@
 //! Bodies that step at every n-th sample: the loop of n periods for the bodies, the newest puck for the torque.
 
 use hapt_core::{Body, Coupling, Damping, End, Error, Law, Loop, Method, Output, Spec};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::reference::{World, world};
 

@@ -1,7 +1,7 @@
 //! A wheel's effects: no passive hand draws energy, and the torque is the requested one where the device allows it.
 
 use hapt_core::wheel::{Device, Effect, REST_SPEED, Refused, Shortfall, Sides, Timing, Wheel};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// Random numbers in [0, 1).
 struct Dice(u64);
@@ -134,7 +134,9 @@ proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
     #[test]
-    fn no_hand_draws_energy_from_any_set_of_effects_under_uneven_time_and_delay(seed: u64, shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64) {
+    fn no_hand_draws_energy_from_any_set_of_effects_under_uneven_time_and_delay(
+        seed in any::<u64>(), shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64,
+    ) {
         let mut dice = Dice(seed);
         let pattern = pattern(shortest, more, late);
         let real = device(pattern.timing(), dice.between(1e-3, 0.3));
@@ -145,7 +147,9 @@ proptest! {
     }
 
     #[test]
-    fn nor_through_a_motor_that_lags_by_periods(seed: u64, shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64, lag in 0.01..3.0f64) {
+    fn nor_through_a_motor_that_lags_by_periods(
+        seed in any::<u64>(), shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64, lag in 0.01..3.0f64,
+    ) {
         let mut dice = Dice(seed);
         let pattern = Pattern { lag: lag * shortest as f64 * STEP, ..pattern(shortest, more, late) };
         let real = device(pattern.timing(), dice.between(1e-3, 0.3));
@@ -157,7 +161,9 @@ proptest! {
 
     /// At rest speed and faster; what a slower hand draws is in the next test.
     #[test]
-    fn nor_across_the_counts_of_an_encoder(seed: u64, shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64, lag in 0.01..3.0f64) {
+    fn nor_across_the_counts_of_an_encoder(
+        seed in any::<u64>(), shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64, lag in 0.01..3.0f64,
+    ) {
         let mut dice = Dice(seed);
         let lag = if dice.roll() < 0.5 { 0.0 } else { lag * shortest as f64 * STEP };
         let pattern = Pattern { lag, ..pattern(shortest, more, late) };
@@ -169,7 +175,7 @@ proptest! {
     }
 
     #[test]
-    fn the_torque_keeps_the_limit_whatever_is_asked(seed: u64, numbers in proptest::collection::vec(any::<f32>(), 6)) {
+    fn the_torque_keeps_the_limit_whatever_is_asked(seed in any::<u64>(), numbers in proptest::collection::vec(any::<f32>(), 6)) {
         let mut dice = Dice(seed);
         let wheel = Wheel::<f32>::new(&device(Timing::even(1e-3), 0.01)).unwrap();
         let mut state = wheel.start();

@@ -164,7 +164,7 @@ impl Text {
 mod tests {
     use std::time::Duration;
 
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
     use crate::serial::pty;

@@ -72,7 +72,7 @@ impl Barrier {
 mod tests {
     use std::collections::VecDeque;
 
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
 

@@ -127,14 +127,14 @@ pub fn line(kind: u8, number: u8, data: &[u8]) -> Frame {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
 
     proptest! {
         #[test]
         fn an_answer_reads_back_and_no_frame_of_another_length_is_one(
-            bytes: [u8; 13], kind in b'A'..=b'Z', length in 0_usize..16,
+            bytes in any::<[u8; 13]>(), kind in b'A'..=b'Z', length in 0_usize..16,
         ) {
             let [.., a, b, c, d] = bytes;
             let answer = Answer {

@@ -95,7 +95,7 @@ impl fmt::Display for MotorConstant {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
 
@@ -104,7 +104,7 @@ mod tests {
         /// the address that is printed has the same constant.
         #[test]
         fn a_corrected_constant_gives_the_commanded_torque(
-            is_current: bool, of_the_motor in 1e-3_f64..1e3, guess in 1e-3_f64..1e3, torque in -10.0_f64..10.0,
+            is_current in any::<bool>(), of_the_motor in 1e-3_f64..1e3, guess in 1e-3_f64..1e3, torque in -10.0_f64..10.0,
         ) {
             let make = if is_current { MotorConstant::TorqueConstant } else { MotorConstant::VoltsPerTorque };
             let torque_of = |target: f64| if is_current { target * of_the_motor } else { target / of_the_motor };

@@ -117,7 +117,7 @@ fn crc(bytes: &[u8]) -> u16 {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
 
@@ -136,8 +136,8 @@ mod tests {
         fn a_line_reads_back_and_with_a_changed_byte_it_is_none(
             kind in b'A'..=b'Z',
             data in proptest::collection::vec(any::<u8>(), 1..14),
-            at: prop::sample::Index,
-            other: u8,
+            at in any::<prop::sample::Index>(),
+            other in any::<u8>(),
         ) {
             let sent = Frame::fd(kind.into(), &data);
             let right = text(TO_BOARD, &sent);

@@ -13,7 +13,7 @@ use hapt_drive::simulate::{Firmware, Shaft};
 use hapt_drive::{Bus, Drive, DriveError, Frame, Make};
 use hapt_rt::Failure;
 use hapt_testing::in_time;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::bench::{TestBench, lockstep, soon, world};
 
@@ -40,7 +40,7 @@ proptest! {
     /// A moteus's frames contain the numbers of sender and receiver: only host 0 may address the drive, and the drive may answer only
     /// host 0. Other traffic is ignored.
     #[test]
-    fn a_frame_of_another_host_to_a_moteus_is_a_fault(from in 0_u32..0x7f, to in 0_u32..0x80, reply: bool, prefix in 0_u32..2) {
+    fn a_frame_of_another_host_to_a_moteus_is_a_fault(from in 0_u32..0x7f, to in 0_u32..0x80, reply in any::<bool>(), prefix in 0_u32..2) {
         let frame = Frame::fd(prefix << 16 | u32::from(reply) << 15 | from << 8 | to, &[0x01, 0x00, 0x0a]);
         let mut drive = Moteus::new(Box::new(Listed(VecDeque::from([frame]))), 1, "nowhere".into());
         let is_foreign = prefix == 0 && (to == 1 || to == 0x7f || from == 1 && to != 0 && !reply);
@@ -58,7 +58,7 @@ proptest! {
 proptest! {
     /// Links between stations have identifiers of 29 bits above those of both drives (`hapt_wire::link::Frames`).
     #[test]
-    fn a_frame_of_a_link_does_not_concern_a_drive(id in 1_u32 << 20..1 << 29, data: [u8; 8]) {
+    fn a_frame_of_a_link_does_not_concern_a_drive(id in 1_u32 << 20..1 << 29, data in any::<[u8; 8]>()) {
         let frame = Frame::classic(id, &data).with_extended(true);
         for mut drive in drives(|| Listed(VecDeque::from([frame]))) {
             let read = drive.read(soon());

@@ -2,7 +2,7 @@
 
 use hapt_core::{Body, End, Law, Method, Output};
 use hapt_export_c::{About, Error, Float, Prefix, export};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 

@@ -439,9 +439,9 @@ impl UsbBus for Bus {
 mod tests {
     use std::collections::BTreeMap;
 
+    use hapt_testing::prelude::*;
     use hapt_wire::pid::id;
     use hapt_wire::usb::WheelClass;
-    use proptest::prelude::*;
     use usb_device::bus::UsbBusAllocator;
 
     use super::{Bus, HEADER, SUBMIT, UNLINK, data_length, word};

@@ -226,7 +226,7 @@ impl ClientMessage {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
 

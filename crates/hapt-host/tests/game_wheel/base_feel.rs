@@ -8,8 +8,8 @@ use hapt_host::game_wheel::Room;
 use hapt_model::{Source, World};
 use hapt_plant::VirtualDevice;
 use hapt_rt::{Cycle, Device, Failure, Moment, Outside, Plan, Position, effects};
+use hapt_testing::prelude::*;
 use hapt_wire::pid::{Condition, FULL, Kind, Operation, Pool, Report};
-use proptest::prelude::*;
 
 use crate::{LIMIT, RANGE};
 

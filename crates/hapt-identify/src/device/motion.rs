@@ -438,7 +438,7 @@ mod tests {
     use hapt_model::Waveform;
     use hapt_plant::VirtualDevice;
     use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, FrictionByPosition, Gravity, Stops, Stribeck};
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::super::parameters::Device;
 

@@ -4,7 +4,7 @@ use fastrand::Rng;
 use hapt_identify::{Claims, Compared, Comparison, Kind, Record, Verdict, against};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::{DeviceSpec, Handle};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::handle;
 use crate::lever::Lever;

@@ -6,7 +6,7 @@ use fastrand::Rng;
 use hapt_identify::{Columns, Error, Identified, Known, Puck, Record, identify};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::DeviceSpec;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::rig::{WHEEL, counted, motion, steps, times};
 

@@ -4,7 +4,7 @@ use fastrand::Rng;
 use hapt_identify::{Error, Identified, Interval, Known, PositionTorque, Record, TermKind, identify};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::DeviceSpec;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::rig::{WHEEL, counted, motion, steps, times};
 

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use crate::common::{self, WHEEL, bits, header, logged, rows, world};
 use hapt_log::{Ending, Error, Log, LogWriter, Origin};
 use hapt_sim::Row;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// A log of three chunks, and all of its samples.
 static THREE_CHUNKS: LazyLock<(Vec<u8>, Vec<Vec<u64>>)> = LazyLock::new(|| {

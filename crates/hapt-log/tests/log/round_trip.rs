@@ -3,7 +3,7 @@
 use crate::common::{WHEEL, bits, header, logged, rows, world, worlds};
 use hapt_log::{Ending, Header, Log, LogWriter, Origin, columns, descriptor, replay};
 use hapt_sim::{CsvWriter, Row};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 proptest! {
     #![proptest_config(hapt_testing::cases(96))]

@@ -8,7 +8,7 @@ use hapt_rt::{
     Change, Cycle, Device, Failure, HandCommand, Hands, Moment, Plan, Position, Record, SimulatedDevice, Snapshot,
 };
 use hapt_sim::Grip;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// The number of samples of a run.
 const RUN_SAMPLES: u64 = 700;

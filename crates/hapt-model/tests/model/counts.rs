@@ -2,7 +2,7 @@
 
 use hapt_core::Law;
 use hapt_model::{Source, World, parameters, schema};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const DETENT: &str = "[[couplings]]\nkind = \"detent\"\nbetween = [\"puck\", \"ground\"]\n";
 

@@ -1,7 +1,7 @@
 //! A motor behind a gear: the numbers of its own side are those of the puck by the work that they do.
 
 use hapt_model::{Source, World};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 fn read(device: &str) -> Result<World, String> {
     let text = format!("loop.period = \"1 ms\"\n{device}");

@@ -11,9 +11,9 @@ use hapt_model::{
     Scenario, Shape, Source, Stops, Stribeck, Switching, Timing, Tolerances, Waveform, World,
 };
 use hapt_testing::laws::{laws, some_limited};
+use hapt_testing::prelude::*;
 use proptest::collection::vec;
 use proptest::option;
-use proptest::prelude::*;
 use proptest::sample::{select, subsequence};
 
 /// Any finite number, from all decades.

@@ -286,7 +286,7 @@ fn output<const K: usize>(row: &State, change: &Square<K>) -> [f64; K] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     fn or_zero(of: core::ops::Range<f64>) -> impl Strategy<Value = f64> {
         prop_oneof![Just(0.0), of]

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::{DeviceSpec, Drive, FrictionByPosition, Shape};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::fields::{any_changes, any_device, any_hand, moved};
 
@@ -68,7 +68,7 @@ proptest! {
     #[test]
     fn the_level_at_its_place_holds_a_puck_against_less_and_lets_it_go_under_more(
         changes in any_changes(), inertia in 1e-4_f64..1e-2, levels in (1e-3_f64..0.05, 1e-3_f64..0.05), place in -3.0_f64..3.0,
-        part in prop_oneof![0.0_f64..1.0 - 1e-9, 1.0 + 1e-9..2.0], back: bool, more in 0.0_f64..0.01,
+        part in prop_oneof![0.0_f64..1.0 - 1e-9, 1.0 + 1e-9..2.0], back in any::<bool>(), more in 0.0_f64..0.01,
     ) {
         let (friction, backward) = levels;
         let stribeck = Some(hapt_plant::spec::Stribeck { torque: more, velocity: 1.0 });
@@ -90,7 +90,7 @@ proptest! {
     /// A torque that rises slowly starts the puck where it reaches the level of the place.
     #[test]
     fn a_rising_torque_starts_the_puck_at_the_level_of_its_place(
-        changes in any_changes(), inertia in 1e-4_f64..1e-2, friction in 1e-3_f64..0.05, slope in 0.05_f64..2.0, back: bool,
+        changes in any_changes(), inertia in 1e-4_f64..1e-2, friction in 1e-3_f64..0.05, slope in 0.05_f64..2.0, back in any::<bool>(),
     ) {
         let spec = DeviceSpec { friction, friction_by_position: Some(changes), ..DeviceSpec::new(T, inertia) };
         let sign = if back { -1.0 } else { 1.0 };

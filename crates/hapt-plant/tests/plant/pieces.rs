@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape, Stops, Stribeck};
 use hapt_plant::{Script, VirtualDevice};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::fields::{any_changes, any_device, any_hand, any_stribeck, gravity, moved};
 
@@ -225,7 +225,8 @@ proptest! {
 
     #[test]
     fn every_piece_of_a_motion_solves_its_equation(
-        spec in any_device(), stribeck in (1e-4_f64..0.05, 0.05_f64..5.0), falls: bool, hand in any_hand(), velocity in -10.0_f64..10.0,
+        spec in any_device(), stribeck in (1e-4_f64..0.05, 0.05_f64..5.0), falls in any::<bool>(), hand in any_hand(),
+        velocity in -10.0_f64..10.0,
         commands in prop::collection::vec(-0.1_f64..0.1, 8),
     ) {
         let stribeck = Stribeck { torque: stribeck.0, velocity: stribeck.1 };
@@ -260,7 +261,7 @@ proptest! {
     #[test]
     fn a_dragged_puck_sticks_and_slips_where_friction_falls_more_than_damping_rises(
         inertia in 1e-3_f64..3e-3, damping in 5e-3_f64..2e-2, part in prop_oneof![0.2_f64..0.8, 1.5..4.0], stiffness in 0.2_f64..2.0,
-        (friction, velocity) in (1e-3_f64..0.02, 0.5_f64..3.0), speed in 0.1_f64..0.4, back: bool,
+        (friction, velocity) in (1e-3_f64..0.02, 0.5_f64..3.0), speed in 0.1_f64..0.4, back in any::<bool>(),
     ) {
         let stribeck = Some(Stribeck { torque: part * damping * velocity, velocity });
         let spec = DeviceSpec { damping, friction, stribeck, ..DeviceSpec::new(T, inertia) };
@@ -308,7 +309,7 @@ proptest! {
     #[test]
     fn a_puck_bounces_off_a_stop_by_its_closed_form(
         inertia in 1e-4_f64..1e-2, swing in 20.0_f64..2000.0, ratio in prop_oneof![Just(0.0), 0.01_f64..0.95], speed in 0.1_f64..20.0, at in 1e-3_f64..0.02,
-        back: bool,
+        back in any::<bool>(),
     ) {
         let (stiffness, damping) = (inertia * swing * swing, 2.0 * ratio * inertia * swing);
         let sign = if back { -1.0 } else { 1.0 };
@@ -359,7 +360,8 @@ proptest! {
     #[test]
     fn a_puck_leaves_its_rest_at_an_instant_of_any_period(
         inertia in 1e-4_f64..1e-2, friction in prop_oneof![Just(0.0), 1e-3..0.02_f64], changes in prop::option::of(any_changes()),
-        stribeck in any_stribeck(), (weight, phase) in (0.0_f64..0.02, 0.0..TAU), near in prop_oneof![Just(0.0), -1e-3..1e-4_f64], back: bool,
+        stribeck in any_stribeck(), (weight, phase) in (0.0_f64..0.02, 0.0..TAU),
+        near in prop_oneof![Just(0.0), -1e-3..1e-4_f64], back in any::<bool>(),
         stiffness in 1.0_f64..100.0, rate in -5.0_f64..5.0, handle in prop::option::of((1e-4_f64..1e-2, 1.0_f64..100.0, 0.0_f64..0.01)),
         periods in 1_usize..30,
     ) {
@@ -382,7 +384,7 @@ proptest! {
     #[test]
     fn a_straight_motion_into_a_stop_does_the_work_of_its_damper(
         face in 0.0_f64..0.1, depth in 1e-4_f64..0.3, at in 0.0_f64..5e-3, over in 1e-3_f64..0.1, stiffness in 1.0_f64..100.0,
-        damping in 1e-4..0.5_f64, back: bool,
+        damping in 1e-4..0.5_f64, back in any::<bool>(),
     ) {
         let (low, high) = if back { (Some(-face), None) } else { (None, Some(face)) };
         let to = face + depth;

@@ -2,7 +2,7 @@
 
 use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape};
 use hapt_plant::{Script, VirtualDevice};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const T: f64 = 1e-3;
 /// The step, as a fraction of the time in which the fastest mode passes a radian.

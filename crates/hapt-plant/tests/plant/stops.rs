@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use hapt_plant::spec::{DeviceSpec, Drive, Hand, Shape};
 use hapt_plant::{Script, VirtualDevice};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::reference::{Body, Complex, Push, advance};
 

@@ -4,7 +4,7 @@ use hapt_core::{Phase, Reason, Request, SafetyProfile, WhenLate};
 use hapt_model::World;
 use hapt_rt::{Cycle, Failure, HandCommand, Moment, Plan, Position, Replay, SimulatedDevice, Timing};
 use hapt_sim::{Simulation, script};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::{ScriptedDevice, armed, constant, sample, spring, wheel};
 

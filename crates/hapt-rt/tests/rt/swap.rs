@@ -7,7 +7,7 @@ use hapt_core::SafetyProfile;
 use hapt_model::World;
 use hapt_rt::{Change, Cycle, Failure, HandCommand, Moment, Plan, Record, SimulatedDevice};
 use hapt_sim::Grip;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use crate::common::{ScriptedDevice, armed, sample, spring};
 

@@ -3,7 +3,7 @@
 use crate::common::*;
 use hapt_model::*;
 use hapt_sim::{LANES, Outcome, Simulation, Summary, run_batch};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// Numbers for worlds that share a seed and differ in a lane.
 struct Dice(u64);

@@ -4,8 +4,8 @@ use crate::common::{self, bare, rows, scenario, spring, step};
 use hapt_analysis::closed_form;
 use hapt_model::*;
 use hapt_sim::Simulation;
+use hapt_testing::prelude::*;
 use nalgebra::{DMatrix, DVector};
-use proptest::prelude::*;
 
 /// One virtual wheel on a spring from the puck, torque from x_k.
 fn wheel(inertia: f64, stiffness: f64, period: f64, method: Method) -> World {

@@ -3,7 +3,7 @@
 use crate::common::{self, bare, rows, scenario, spring, step};
 use hapt_model::*;
 use hapt_sim::{Row, Simulation};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 fn torque(shape: Shape) -> Drive {
     Drive::Torque(shape)

@@ -4,7 +4,7 @@ use crate::common::{bare, rows, scenario, spring};
 use hapt_analysis::is_certified;
 use hapt_model::*;
 use hapt_sim::{Error, Simulation};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
@@ -50,7 +50,7 @@ proptest! {
     #[test]
     fn what_friction_takes_neither_grows_nor_hunts_for_ever(
         stiffness in 0.05_f64..2.4, gain in 1.0_f64..500.0, limits in [1e-4_f64..0.02, 1e-4_f64..0.02], velocity in 1e-3_f64..1.0, more in 0.05_f64..1.0,
-        stribeck in prop::option::of((1e-3_f64..0.02, 0.02_f64..3.0)), counts: bool, push in -0.3_f64..0.3,
+        stribeck in prop::option::of((1e-3_f64..0.02, 0.02_f64..3.0)), counts in any::<bool>(), push in -0.3_f64..0.3,
     ) {
         let mut world = bare();
         world.sampling.estimator = EstimatorKind::Difference;

@@ -4,7 +4,7 @@ use crate::common::{bare, rows, scenario, spring};
 use hapt_analysis::is_certified;
 use hapt_model::*;
 use hapt_sim::{Error, Simulation};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 fn any_stops() -> impl Strategy<Value = Stops> {
     let damping = prop_oneof![Just(0.0), 1e-4..0.05_f64];
@@ -58,7 +58,9 @@ proptest! {
 
     /// A puck under a constant push comes to rest where the stop, the spring and the push balance.
     #[test]
-    fn a_pushed_puck_rests_where_the_stop_balances_the_push(stiffness in 0.1_f64..2.0, stops in any_stops(), push in 0.1_f64..2.0, back: bool) {
+    fn a_pushed_puck_rests_where_the_stop_balances_the_push(
+        stiffness in 0.1_f64..2.0, stops in any_stops(), push in 0.1_f64..2.0, back in any::<bool>(),
+    ) {
         let mut world = bare();
         world.device.damping = 0.02;
         world.couplings = vec![spring(End::Puck, End::Ground, stiffness)];

@@ -4,7 +4,7 @@ use crate::common::{bare, rows, scenario, spring};
 use hapt_analysis::is_certified;
 use hapt_model::*;
 use hapt_sim::{Error, Simulation};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 fn cogging(torque: f64, pitch: f64) -> Option<Cogging> {
     Some(Cogging {

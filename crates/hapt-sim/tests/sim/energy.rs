@@ -4,7 +4,7 @@ use crate::common::{self, bare, rows, scenario, step};
 use hapt_model::*;
 use hapt_sim::{Simulation, Summary, world_energy};
 use hapt_testing::laws::{SIZES, Sizes, is_potential, some_limited};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// A law with an energy, and a limit where it takes one.
 fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
@@ -17,7 +17,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
     #[test]
-    fn a_couplings_torque_is_the_slope_of_its_stored_energy((law, limit) in law(), q in -2.0_f64..2.0, reversed: bool) {
+    fn a_couplings_torque_is_the_slope_of_its_stored_energy((law, limit) in law(), q in -2.0_f64..2.0, reversed in any::<bool>()) {
         let (first, second) = if reversed { (End::Ground, End::Puck) } else { (End::Puck, End::Ground) };
         let mut world = bare();
         world.couplings = vec![Coupling { first, second, law, limit }];

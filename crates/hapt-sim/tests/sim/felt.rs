@@ -6,8 +6,8 @@ use std::f64::consts::{PI, TAU};
 use crate::common::*;
 use hapt_analysis::{Impedance, Slopes, held_growth};
 use hapt_model::*;
+use hapt_testing::prelude::*;
 use nalgebra::Complex;
-use proptest::prelude::*;
 
 type C = Complex<f64>;
 

@@ -4,7 +4,7 @@ use crate::common::{scenario, spring, wheel};
 use hapt_analysis::{Grip, gripped_growth};
 use hapt_model::*;
 use hapt_sim::{Row, Simulation};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 use proptest::sample::select;
 
 proptest! {

@@ -5,7 +5,7 @@ use hapt_core::{Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfi
 use hapt_model::{Body, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Source, World};
 use hapt_sim::{DesktopLoop, DesktopSupervisor, Grip, Simulation, VirtualDevice, world_energy};
 use hapt_testing::laws::{SIZES, goes_to_bodies, some_limited};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 type State = hapt_core::State<f64, 32, 64, 257>;
 

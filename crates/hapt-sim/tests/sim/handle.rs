@@ -5,8 +5,8 @@ use crate::device::random_run;
 use hapt_analysis::{free_eigenvalues, held_world_eigenvalues};
 use hapt_model::*;
 use hapt_sim::{Grip, Row, Simulation, VirtualDevice, columns};
+use hapt_testing::prelude::*;
 use nalgebra::Complex;
-use proptest::prelude::*;
 use proptest::sample::select;
 
 /// Handles whose shaft resonates at about 5 to 500 Hz, with little or much damping.
@@ -306,7 +306,8 @@ proptest! {
         method in select(Method::ALL.to_vec()), output in select(Output::ALL.to_vec()),
         estimator in select(vec![EstimatorKind::Exact, EstimatorKind::Difference, EstimatorKind::LowPass]),
         (delay, lag) in (prop_oneof![Just(0.0), Just(1.0), 0.0_f64..1.6], prop_oneof![Just(0.0), 0.2_f64..3.0]),
-        (inertia, angle, ratio) in (1e-4_f64..2e-3, 0.3_f64..2.5, 0.0_f64..0.3), (stiffness, damping) in (0.2_f64..3.0, 1e-3_f64..0.02), held: bool,
+        (inertia, angle, ratio) in (1e-4_f64..2e-3, 0.3_f64..2.5, 0.0_f64..0.3),
+        (stiffness, damping) in (0.2_f64..3.0, 1e-3_f64..0.02), held in any::<bool>(),
     ) {
         let output = if method.takes_new_sample_first() { Output::Start } else { output };
         let mut world = wheel(method, output);

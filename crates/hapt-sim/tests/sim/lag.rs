@@ -2,7 +2,7 @@
 
 use crate::common::{bare, rows, scenario, spring};
 use hapt_model::*;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 fn constant(torque: f64) -> Coupling {
     Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque }, limit: None }

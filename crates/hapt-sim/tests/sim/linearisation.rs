@@ -4,7 +4,7 @@
 use hapt_analysis::{Continuous, Discrete, Slopes};
 use hapt_core::{Loop, Real, State};
 use hapt_model::*;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const B: usize = 6;
 type Room<F> = Loop<F, B, 16, 2>;

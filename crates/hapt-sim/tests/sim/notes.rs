@@ -7,8 +7,8 @@ use hapt_analysis::{Continuous, Discrete, Slopes, Verdict, closed_form, held};
 use hapt_core::Loop;
 use hapt_model::*;
 use hapt_sim::{Row, Simulation, Summary};
+use hapt_testing::prelude::*;
 use nalgebra::{DMatrix, Matrix2, Vector2};
-use proptest::prelude::*;
 
 const DEGREE: f64 = TAU / 360.0;
 /// The course's wheel, J_z.

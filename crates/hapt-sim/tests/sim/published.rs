@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use crate::common::*;
 use hapt_model::*;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// A spring to ground of `part` times the limit that friction and counts set; with just enough damping for it where `damped`.
 fn wall(part: f64, friction: f64, counts: f64, damped: bool) -> World {

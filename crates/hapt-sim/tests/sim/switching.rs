@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use crate::common::{bare, rows, scenario, spring};
 use hapt_model::*;
 use hapt_sim::{Ledger, Row};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 fn grip(inertia: f64, damping: f64, stiffness: f64, to: f64, switching: Option<Switching>) -> Drive {
     Drive::Grip { inertia, damping, stiffness, moves: Shape::Step { to, at: 0.0 }, switching }

@@ -3,7 +3,7 @@
 use crate::common::{bare, rows, scenario};
 use hapt_model::{Drive, Shape, World};
 use hapt_sim::{Grip, VirtualDevice, script};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// The works of hand and motor less those of damping and friction and less the kinetic energy: zero.
 fn imbalance(world: &World, device: &VirtualDevice) -> f64 {

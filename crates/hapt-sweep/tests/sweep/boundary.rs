@@ -6,7 +6,7 @@ use hapt_analysis::{Verdict, check, free_growth, held_growth, required_damping};
 use hapt_model::{Source, World};
 use hapt_sweep::Error;
 use hapt_sweep::boundary::{Boundary, Claim, Edge, EdgeMethod};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// T, b and J of the wall below.
 const PERIOD: f64 = 1e-3;

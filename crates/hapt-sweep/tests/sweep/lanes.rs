@@ -5,7 +5,7 @@ use hapt_model::keys::Takes;
 use hapt_model::{Device, Scenario, Source, World, parameters};
 use hapt_sim::{Simulation, Summary};
 use hapt_sweep::{Measure, Sweep};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// Two wheels and a released puck; with a wall no lane can run it.
 const WHEELS: &str = r#"

@@ -8,7 +8,7 @@ use hapt_sim::Run;
 use hapt_sweep::boundary::{Boundary, Claim, Edge};
 use hapt_sweep::worst::search_network;
 use hapt_sweep::{Error, Measure, Shard, Sweep, Ticks};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 /// Two equal wheels at 1 ms on a link, without delay of their loops.
 fn pair(damping: f64, link: &str) -> Source {

@@ -2,7 +2,7 @@
 
 use hapt_model::Source;
 use hapt_sweep::{Measure, Rows, Sweep};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const BASE: &str = r#"
 [loop]

@@ -3,7 +3,7 @@
 use hapt_model::{Source, World};
 use hapt_sim::{Simulation, Summary};
 use hapt_sweep::{Error, Measure, Rows, Sweep, Ticks};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const WHEEL: &str = r#"
 [loop]

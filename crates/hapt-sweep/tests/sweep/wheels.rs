@@ -4,7 +4,7 @@ use hapt_analysis::sign;
 use hapt_analysis::{Verdict, held_growth};
 use hapt_model::{Method, Source};
 use hapt_sweep::{Measure, Sweep};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const WHEEL: &str = r#"
 [loop]

@@ -12,7 +12,7 @@ use hapt_model::{
 use hapt_sweep::worst::{
     Error, Exploit, WorstOfWorld, best_motion, drawn, most_runs_of_world, search_world, work_motion,
 };
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 use proptest::sample::select;
 
 /// The Michigan wheel without limit, encoder or friction, at 1 ms.
@@ -234,7 +234,7 @@ proptest! {
     /// of the motor moves in straight lines from sample to sample, and reaches nearly all of it.
     #[test]
     fn a_hand_draws_at_nineteen_twentieths_of_the_required_damping(
-        k in 0.2..2.0f64, damping in 1e-3..5e-3f64, delay in 0.0..2.5f64, whole: bool, part in 0.88..0.95f64,
+        k in 0.2..2.0f64, damping in 1e-3..5e-3f64, delay in 0.0..2.5f64, whole in any::<bool>(), part in 0.88..0.95f64,
     ) {
         let mut world = spring(k);
         world.couplings.push(to_ground(fixed(damping)));
@@ -300,7 +300,9 @@ proptest! {
 
     /// The supervisor removes the torque from a puck that is faster than friction can cover.
     #[test]
-    fn no_hand_draws_from_a_loop_that_friction_certifies_up_to_a_speed(part in 1.1..2.0f64, friction in 0.005..0.05f64, more in 0.0..3.0f64, back: bool) {
+    fn no_hand_draws_from_a_loop_that_friction_certifies_up_to_a_speed(
+        part in 1.1..2.0f64, friction in 0.005..0.05f64, more in 0.0..3.0f64, back in any::<bool>(),
+    ) {
         let mut world = spring(part * 2.0 * bare().device.damping / bare().sampling.period);
         let levels = [friction, (1.0 + more) * friction];
         (world.device.friction, world.device.friction_backward) =
@@ -425,7 +427,8 @@ proptest! {
     /// A body that counts excite, damped or not, with any friction of the puck beyond that required for its own counts.
     #[test]
     fn counts_pump_a_damped_body_and_the_hand_draws_it(
-        k in 0.5..5.0f64, swing in 50.0..300.0f64, ratio in 0.0..0.02f64, counts in 1000.0..1e4f64, friction in 1.0..2.0f64, behind: bool,
+        k in 0.5..5.0f64, swing in 50.0..300.0f64, ratio in 0.0..0.02f64, counts in 1000.0..1e4f64,
+        friction in 1.0..2.0f64, behind in any::<bool>(),
     ) {
         let mut world = bare();
         world.sampling.estimator = hapt_model::EstimatorKind::Difference;
@@ -473,7 +476,9 @@ proptest! {
 
     /// A constant torque at a body without a spring supplies unbounded energy; with a spring its energy is bounded.
     #[test]
-    fn a_constant_at_a_body_without_a_spring_is_an_unbounded_source(k in 0.5..5.0f64, torque in 0.02..0.2f64, held: bool, toward: bool) {
+    fn a_constant_at_a_body_without_a_spring_is_an_unbounded_source(
+        k in 0.5..5.0f64, torque in 0.02..0.2f64, held in any::<bool>(), toward in any::<bool>(),
+    ) {
         let mut world = bare();
         world.sampling.estimator = hapt_model::EstimatorKind::Difference;
         world.names = vec!["wheel".into()];

@@ -19,9 +19,9 @@ use chip::{
 };
 use esc1::{Here, Motor};
 use hapt_core::{Phase, Reason};
+use hapt_testing::prelude::*;
 use hapt_wire::device::Measurement;
 use hapt_wire::{Command, Parameter, Refusal};
-use proptest::prelude::*;
 
 use crate::common::{BOARD, Received, TestHost, WHEEL, storage};
 

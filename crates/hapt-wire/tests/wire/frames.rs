@@ -1,9 +1,9 @@
 //! After any noise the next frame is read, and noise never passes as a frame.
 
+use hapt_testing::prelude::*;
 use hapt_wire::{Error, Reader, frame};
 use postcard::ser_flavors::crc::{CrcModifier, to_slice_u16};
 use postcard::ser_flavors::{Cobs, Slice};
-use proptest::prelude::*;
 use serde::{Deserialize, Serialize};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

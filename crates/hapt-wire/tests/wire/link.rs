@@ -1,10 +1,10 @@
 //! The messages of a link on a network with loss, delay, reordering, repetition, forgery and replay.
 
 use hapt_core::Strength;
+use hapt_testing::prelude::*;
 use hapt_wire::link::{
     Codec, Datagrams, Frames, Incoming, Number, Outgoing, Refusal, SHORTEST_KEY, SILENCE, SIZE, Session, VERSION,
 };
-use proptest::prelude::*;
 
 const KEY: &[u8] = b"both stations know this one";
 const MS: u64 = 1_000_000;

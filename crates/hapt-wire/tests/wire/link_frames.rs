@@ -1,8 +1,8 @@
 //! The frames of a link on a CAN bus: numbers of 8 bits, introduced sessions, and foreign frames.
 
 use hapt_core::Strength;
+use hapt_testing::prelude::*;
 use hapt_wire::link::{Codec, Frames, Incoming, Known, Message, Number, Outgoing, Refusal, SILENCE, Session};
-use proptest::prelude::*;
 
 use crate::link::random;
 
@@ -74,9 +74,9 @@ proptest! {
     // The omitted bits of the numbers are restored, as long as the numbers are within the bounds that sessions keep.
     #[test]
     fn a_frame_reads_back_as_it_was_written(
-        link: u64, sessions in (1_u64..1 << 28, 1_u64..1 << 28), newest in 0_u64..1 << 40, step in -128_i64..128,
+        link in any::<u64>(), sessions in (1_u64..1 << 28, 1_u64..1 << 28), newest in 0_u64..1 << 40, step in -128_i64..128,
         answered in 0_u64..1 << 40, (echo, sent) in (0_u64..128).prop_flat_map(|sent| (0..=sent, Just(sent))),
-        steps: i32, strength: u8, at in 0..Frames::LINKS, range in 1_u16..512,
+        steps in any::<i32>(), strength in any::<u8>(), at in 0..Frames::LINKS, range in 1_u16..512,
     ) {
         let [left, right] = [true, false].map(|first| Frames::new(range, at, link, first).unwrap());
         let sequence = newest.saturating_add_signed(step).max(1);
@@ -105,7 +105,9 @@ proptest! {
     }
 
     #[test]
-    fn an_introduction_reads_back_and_is_of_one_network_only(link: u64, from in 1_u64..1 << 28, to in 0_u64..1 << 28, known_other: bool) {
+    fn an_introduction_reads_back_and_is_of_one_network_only(
+        link in any::<u64>(), from in 1_u64..1 << 28, to in 0_u64..1 << 28, known_other in any::<bool>(),
+    ) {
         let [left, right] = [true, false].map(|first| Frames::new(7, 3, link, first).unwrap());
         let [from, to] = [from, to].map(|session| Number { session, sequence: 0 });
         let message = Message { from, to, position: 0.0, strength: Strength::NONE };

@@ -3,12 +3,12 @@
 use hapt_core::{
     Body, CertifiedTime, Coupling, End, Estimator, Heat, Law, Limits, Loop, Phase, SafetyProfile, Spec, Supervisor,
 };
+use hapt_testing::prelude::*;
 use hapt_wire::{
     Command, DeviceMessage, Hello, HostMessage, LARGEST, MAX_FRAME_BYTES, PIECE, PROTOCOL, Parameter, Reader, Refusal,
     States, Telemetry, frame, hash, pack, unpack,
 };
 use proptest::collection::vec;
-use proptest::prelude::*;
 use serde::Serialize;
 
 const PAGE: &str = include_str!("../../../../docs/wire.md");

@@ -1,9 +1,9 @@
 //! Lines that lose, duplicate, reorder, corrupt and cut frames never cause a torque.
 
 use hapt_core::Phase;
+use hapt_testing::prelude::*;
 use hapt_wire::{Command, PROTOCOL, Parameter, hash};
 use proptest::collection::vec;
-use proptest::prelude::*;
 use proptest::sample::Index;
 
 use crate::common::{BOARD, Received, TestHost, WHEEL, packed, storage, world};

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use hapt_core::wheel::{Device, Effect, Sides, Timing, Wheel};
 use hapt_plant::{VirtualDevice, spec::DeviceSpec};
+use hapt_testing::prelude::*;
 use hapt_wire::pid::{
     Common, Condition, Control, DESCRIPTOR, EFFECTS, Envelope, FULL, INFINITE, Kind, LONGEST_REPORT, Operation,
     Periodic, Pool, Report, SILENCE, Scale, id,
 };
-use proptest::prelude::*;
 
 const SCALE: Scale = Scale { torque: 5.0, angle: 7.85, velocity: 20.0, acceleration: 200.0 };
 
@@ -289,7 +289,7 @@ proptest! {
         (attack_level, fade_level, attack_time, fade_time) in (0..=FULL, 0..=FULL, 0..500_u16, 0..500_u16),
         (duration, delay, loops) in (1..2000_u16, 0..500_u16, 1..4_u8),
         (own, of_all, direction) in (0..=FULL, 0..=FULL, proptest::option::of(0..36_000_u16)),
-        endless: bool, ms in 0..8000_u64,
+        endless in any::<bool>(), ms in 0..8000_u64,
     ) {
         let kind = Kind::ALL[at];
         let duration = if endless { INFINITE } else { duration };

@@ -2,8 +2,8 @@
 
 use hapt_core::{Body, Coupling, End, Estimator, Law, Method, Output, Spec};
 use hapt_testing::laws::laws;
+use hapt_testing::prelude::*;
 use hapt_wire::{Error, Stored, write};
-use proptest::prelude::*;
 use proptest::sample::select;
 
 fn ends() -> impl Strategy<Value = End> {

@@ -341,7 +341,7 @@ fn wrapped(angle: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use hapt_model::{Source, World};
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     use super::*;
 

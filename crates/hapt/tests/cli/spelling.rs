@@ -3,8 +3,8 @@
 use std::sync::LazyLock;
 
 use hapt_model::{Dimension, Quantity, schema};
+use hapt_testing::prelude::*;
 use jsonschema::Validator;
-use proptest::prelude::*;
 use serde_json::{Value, json};
 
 /// The dimensions of keys.

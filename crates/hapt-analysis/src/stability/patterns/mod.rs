@@ -262,7 +262,7 @@ fn with_family<T>(
 mod tests {
     use super::*;
     use hapt_model::Source;
-    use proptest::prelude::*;
+    use hapt_testing::prelude::*;
 
     proptest! {
         #![proptest_config(hapt_testing::cases(128))]

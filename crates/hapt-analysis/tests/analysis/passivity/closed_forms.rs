@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use hapt_analysis::{Error, MAX_IN_FLIGHT, Passivity, uneven_damping};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::*;
 
@@ -115,7 +115,9 @@ proptest! {
     }
 
     #[test]
-    fn steps_ahead_make_up_for_whole_samples_of_delay(bench in worlds(Dampers::None, false), x in 0.01..1.9f64, d in 1..6u32, trapezoidal: bool) {
+    fn steps_ahead_make_up_for_whole_samples_of_delay(
+        bench in worlds(Dampers::None, false), x in 0.01..1.9f64, d in 1..6u32, trapezoidal in any::<bool>(),
+    ) {
         let period = x / fastest(&bench);
         let k: f64 = bench.couplings.iter().filter(|c| c.first == End::Puck || c.second == End::Puck).map(|c| match c.law {
             Law::Spring { stiffness, .. } => stiffness,
@@ -136,7 +138,7 @@ proptest! {
     }
 
     #[test]
-    fn foaw_is_the_worse_of_its_windows(k in 0.0..1e3f64, b in 0.01..10.0f64, window in 2..256u32, best: bool) {
+    fn foaw_is_the_worse_of_its_windows(k in 0.0..1e3f64, b in 0.01..10.0f64, window in 2..256u32, best in any::<bool>()) {
         let mut world = plain(to_ground(k, b), 1e-3);
         world.sampling.estimator = if best { EstimatorKind::FoawBest } else { EstimatorKind::Foaw };
         world.sampling.window = window;

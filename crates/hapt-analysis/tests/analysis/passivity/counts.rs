@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use hapt_analysis::quantisation;
 use hapt_model::Motion;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::*;
 

@@ -3,8 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use hapt_analysis::{Continuous, Discrete, Slopes, multipliers};
+use hapt_testing::prelude::*;
 use nalgebra::{Complex, DMatrix};
-use proptest::prelude::*;
 
 use super::*;
 

@@ -1,7 +1,7 @@
 //! What each law requires, by its steepest slope.
 
 use hapt_testing::laws::{SIZES, is_potential, with};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::*;
 

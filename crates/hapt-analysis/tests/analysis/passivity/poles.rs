@@ -1,6 +1,6 @@
 //! Poles on the unit circle and outside.
 
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::*;
 

@@ -2,8 +2,8 @@
 
 use hapt_analysis::{breaking_damping, is_certified, uneven};
 use hapt_model::{Delay, Tolerances};
+use hapt_testing::prelude::*;
 use nalgebra::Complex;
-use proptest::prelude::*;
 
 use super::*;
 
@@ -202,7 +202,7 @@ proptest! {
     #[test]
     fn no_motion_draws_energy_from_detents_behind_delay_and_lag(
         steps in prop::collection::vec((0.3..1.0f64, 0.0..0.3f64, prop::array::uniform8(-1.0..1.0f64)), 4..30),
-        lag in prop_oneof![Just(0.0), 0.02..1.0f64], stretch in 1.0..2.0f64, late: bool,
+        lag in prop_oneof![Just(0.0), 0.02..1.0f64], stretch in 1.0..2.0f64, late in any::<bool>(),
     ) {
         let (torque, pitch) = (0.02, 0.1);
         let mut world = plain(

@@ -2,7 +2,7 @@
 
 use hapt_core::wheel::game_loop::{Damper, HostTime};
 use hapt_testing::cases;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::free_wheel::{Dice, Game, Law, STEP, Wheel};
 

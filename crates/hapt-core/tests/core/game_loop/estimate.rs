@@ -3,7 +3,7 @@
 use hapt_core::wheel::game_loop::{GameLoop, GameReport, HostLevel, Oddity, Rotor};
 use hapt_core::wheel::{Device, Timing};
 use hapt_testing::cases;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::free_wheel::{Dice, Game, Law, STEP};
 

@@ -3,7 +3,7 @@
 use hapt_core::wheel::game_loop::{GameLoop, GameReport, HostLevel, Rotor};
 use hapt_core::wheel::{Device, Effect, Timing, Wheel as Effects};
 use hapt_testing::cases;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::free_wheel::{Dice, Game, Law, STEP, Wheel};
 

@@ -2,7 +2,7 @@
 
 use hapt_core::{Coupling, Damping, End, Law, Loop, Method, Output, Side, Spec, State};
 use hapt_testing::laws::{SIZES, Sizes, goes_to_bodies};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::{METHODS, Small, body, floor, grounded, list, spring};
 

@@ -1,7 +1,7 @@
 //! Random readings and requests.
 
 use hapt_core::Body;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::*;
 

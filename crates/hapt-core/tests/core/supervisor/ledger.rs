@@ -2,7 +2,7 @@
 
 use hapt_core::{Body, Damping, Reason};
 use hapt_testing::laws::{SIZES, Sizes, goes_to_bodies, some_limited};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::*;
 

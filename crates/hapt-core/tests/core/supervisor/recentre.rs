@@ -2,7 +2,7 @@
 
 use super::*;
 use hapt_testing::laws::{SIZES, Sizes, is_potential};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const PERIODS: f64 = 50.0;
 const RECENTRE: Limits = Limits { recentre: PERIODS * T, ..LIMITS };

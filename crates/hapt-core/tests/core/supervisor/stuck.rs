@@ -1,7 +1,7 @@
 //! A position that does not change, under constant, oscillating and alternating torques.
 
 use hapt_core::{Body, Reason, Side};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::*;
 

@@ -2,7 +2,7 @@
 
 use super::recentre::{at_puck, law};
 use super::*;
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 const NONE: f64 = f64::INFINITY;
 /// No limit ends the run.

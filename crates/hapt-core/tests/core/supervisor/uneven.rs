@@ -1,7 +1,7 @@
 //! Time that the certificate covers: within it nothing happens, beyond it the torque is removed according to the world.
 
 use hapt_core::{CertifiedTime, Reason, WhenLate};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::*;
 

@@ -1,6 +1,6 @@
 //! Mistakes about device, handle, bodies and couplings.
 
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 use super::{LEAST, check, read};
 

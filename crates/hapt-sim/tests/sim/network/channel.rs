@@ -2,7 +2,7 @@
 
 use hapt_model::{Source, System};
 use hapt_sim::{Channel, Run, uniform};
-use proptest::prelude::*;
+use hapt_testing::prelude::*;
 
 fn pair(keys: &str, stations: &str, duration: &str) -> System {
     let text = format!(
@@ -65,7 +65,7 @@ proptest! {
     }
 
     #[test]
-    fn messages_arrive_in_the_order_of_their_arrival_and_together_in_that_of_their_sending(seed in any::<u64>(), even: bool) {
+    fn messages_arrive_in_the_order_of_their_arrival_and_together_in_that_of_their_sending(seed in any::<u64>(), even in any::<bool>()) {
         let link = pair("age_max = \"20 ms\"", "", "1 s").links[0].clone();
         let (mut channel, mut random) = (Channel::new(&link), seed);
         channel.delay = [1.0, if even { 1.0 } else { 9.0 }];
