@@ -1,5 +1,5 @@
-//! Random tests that compile in a fraction of the time. proptest's own macro compiles its runner once more for each test, which is a third
-//! of the code of a program of tests; here the inputs of a test are one boxed value, and the runner is compiled once, in this crate.
+//! Random tests that compile faster. proptest's own macro compiles its runner once more for each test, a quarter to a third of the code of a
+//! program of tests; here the inputs of a test are one boxed value, and the runner is compiled once, in this crate.
 
 use std::any::Any;
 use std::fmt;
@@ -7,15 +7,15 @@ use std::fmt;
 use proptest::strategy::{BoxedStrategy, Strategy};
 use proptest::test_runner::{Config, TestCaseResult, TestRunner, contextualize_config};
 
-/// Tests with random inputs, written as for [`proptest::proptest`]: functions of `name in strategy`, or a closure. The inputs are the same.
+/// Tests with random inputs, written as for [`proptest::proptest`]: functions or a closure of `name in strategy`. The inputs are the same.
+/// For `name: Type` write `name in any::<Type>()`.
 #[macro_export]
 macro_rules! proptest {
     (#![proptest_config($config:expr)]
      $($(#[$attribute:meta])* fn $name:ident($($input:pat in $strategy:expr),+ $(,)?) $body:block)*) => {$(
         $(#[$attribute])*
         fn $name() {
-            let name = ::core::concat!(::core::module_path!(), "::", ::core::stringify!($name));
-            $crate::proptest!($config, name, |($($input in $strategy),+)| $body);
+            $crate::proptest!($config, |($($input in $strategy),+)| $body);
         }
     )*};
     ($($(#[$attribute:meta])* fn $name:ident($($inputs:tt)+) $body:block)*) => {
@@ -24,13 +24,12 @@ macro_rules! proptest {
             $($(#[$attribute])* fn $name($($inputs)+) $body)*
         }
     };
-    (|($($input:pat in $strategy:expr),+ $(,)?)| $body:block) => {
-        $crate::proptest!(::core::default::Default::default(), ::core::module_path!(), |($($input in $strategy),+)| $body)
+    (|($($inputs:tt)+)| $body:block) => {
+        $crate::proptest!(::core::default::Default::default(), |($($inputs)+)| $body)
     };
-    ($config:expr, $name:expr, |($($input:pat in $strategy:expr),+)| $body:block) => {
-        $crate::property::holds(
+    ($config:expr, |($($input:pat in $strategy:expr),+ $(,)?)| $body:block) => {
+        $crate::property::check(
             $config,
-            $name,
             ::core::stringify!($($input),+),
             ($($crate::property::boxed($strategy),)+),
             |($($input,)+)| {
@@ -64,27 +63,21 @@ pub fn boxed<S: Strategy + 'static>(strategy: S) -> BoxedStrategy<S::Value> {
 /// Runs a test with the inputs of a strategy; `names` are theirs, for the message.
 ///
 /// # Panics
-/// Where the test fails, with the least inputs of which it does.
-pub fn holds<S>(
-    config: Config,
-    name: &'static str,
-    names: &'static str,
-    inputs: S,
-    test: impl Fn(S::Value) -> TestCaseResult,
-) where
+/// Where the test fails, with the smallest inputs found for which it does.
+pub fn check<S>(config: Config, names: &'static str, inputs: S, test: impl Fn(S::Value) -> TestCaseResult)
+where
     S: Strategy + 'static,
     S::Value: 'static,
 {
     let inputs = inputs.prop_map(move |values| Inputs { names, values: Box::new(values) }).boxed();
-    run(config, name, &inputs, &|inputs| {
+    run(config, &inputs, &|inputs| {
         let values: Box<dyn Any> = inputs.values;
         test(*values.downcast().unwrap_or_else(|_| unreachable!("the strategy's own values")))
     });
 }
 
-fn run(config: Config, name: &'static str, inputs: &BoxedStrategy<Inputs>, test: &dyn Fn(Inputs) -> TestCaseResult) {
-    let config = Config { test_name: Some(name), failure_persistence: None, ..contextualize_config(config) };
-    let mut runner = TestRunner::new(config);
+fn run(config: Config, inputs: &BoxedStrategy<Inputs>, test: &dyn Fn(Inputs) -> TestCaseResult) {
+    let mut runner = TestRunner::new(Config { failure_persistence: None, ..contextualize_config(config) });
     if let Err(error) = runner.run(inputs, test) {
         panic!("{error}\n{runner}");
     }
