@@ -60,7 +60,7 @@ def harmonics(table):
 
 
 class Table:
-    """A table of the file: each key is asked for once, and one that nobody asks for is refused."""
+    """A table of the file: each key is asked for once, and a key that is not asked for is refused."""
 
     def __init__(self, name, table, is_linear=False):
         if type(table) is not dict:

@@ -47,7 +47,7 @@ class Comparison(Answer):
     """A comparison of a record with a world's device. It is true where the model explains the motion and no number contradicts the world.
 
     `agrees` is the same. `numbers` is a list, each with `name`, `estimate` (`{"value", "low", "high"}`, 95 %, or None), `file` (the world's
-    range), `sigmas` (the estimate's distance from that range in standard errors), `verdict` ("agrees", "contradicts", or "not told" where the
+    range), `sigmas` (the estimate's distance from that range in standard errors), `verdict` ("agrees", "contradicts", or "not determined" where the
     record does not determine the number) and `reason`. `unexplained` is the reason why the model does not explain the motion, or None.
     `misfit` is None unless the numbers are those of the torque's equation. `residual` is the rest of the fit: `rms` and `noise_rms` in rad
     (linear: m), `correlation`, and `counts` (the rms in encoder counts).

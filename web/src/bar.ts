@@ -67,7 +67,7 @@ export function showBar(desk: Desk): void {
 
   const watching = byId("watching");
   watching.hidden = !up || mine;
-  if (!watching.hidden) say(byId("watching-text"), control === null ? "You are watching; nobody has control." : `You are watching; visitor ${control} has control.`);
+  if (!watching.hidden) say(byId("watching-text"), control === null ? "You are watching; no visitor has control." : `You are watching; visitor ${control} has control.`);
 
   // A loop that has faded out by itself has a reason too, up to the next arming.
   const fault = byId("fault");

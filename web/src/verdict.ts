@@ -29,7 +29,7 @@ export class VerdictCard {
   private readonly strip: HTMLElement;
   private readonly apply: (sets: Sets) => void;
   /** A change in words. */
-  private readonly told: (key: string, value: string) => string;
+  private readonly describe: (key: string, value: string) => string;
   /** Folded as the visitor left them. */
   private readonly reasons = html("details", { class: "reasons", open: matchMedia("(min-height: 1000px) and (min-width: 761px)").matches });
   private readonly margins = html("details", { class: "margins" });
@@ -37,12 +37,12 @@ export class VerdictCard {
   private waiting: number | null = null;
 
   /** `heading` is announced by screen readers when its words change; the details next to it are not. */
-  constructor(root: HTMLElement, heading: HTMLElement, strip: HTMLElement, apply: (sets: Sets) => void, told: (key: string, value: string) => string) {
+  constructor(root: HTMLElement, heading: HTMLElement, strip: HTMLElement, apply: (sets: Sets) => void, describe: (key: string, value: string) => string) {
     this.root = root;
     this.heading = heading;
     this.strip = strip;
     this.apply = apply;
-    this.told = told;
+    this.describe = describe;
   }
 
   /** The world has changed: what stands here is of the one before, up to the next verdict. */
@@ -101,7 +101,7 @@ export class VerdictCard {
     const rows = remedies.map(({ sets, text }) => {
       if (sets.length === 0) return html("li", {}, html("code", {}, text.replace(/ {2,}#/g, "  #")));
       const title = sets.map(([key, value]) => `sets ${key} to ${value}`).join("\n");
-      const label = sets.map(([key, value]) => this.told(key, value)).join("\n");
+      const label = sets.map(([key, value]) => this.describe(key, value)).join("\n");
       const press = button(label, () => this.apply(sets), { class: "remedy", "data-key": sets.map(([key]) => key).join(" "), title });
       return html("li", {}, press);
     });

@@ -33,7 +33,7 @@ export class Worlds {
   private world: World | null = null;
   /** The place of the last world that is no menu. */
   private last = 0;
-  /** Which of the order is chosen; `null`: nobody chooses. */
+  /** Which of the order is chosen; `null`: no choice is under way. */
   private chosen: number | null = null;
   /** Where the puck stood at the choice `first`, and how many further it is. */
   private from: number | null = null;

@@ -294,7 +294,7 @@ fn table(kind: Kind, outcomes: &[Outcome]) -> String {
     let how_many = |of: fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| of(outcome)).count();
     let part = |of: fn(&Outcome) -> bool| share(how_many(of), n - how_many(|outcome| outcome.refused));
     text += &format!(
-        "\nThe motor's sign is right in {}, the counts are exact in {}. A lag is told from a delay in {}. A constant torque is told from friction in {}; a torque that goes \
+        "\nThe motor's sign is right in {}, the counts are exact in {}. A lag is distinguished from a delay in {}. A constant torque is distinguished from friction in {}; a torque that goes \
          with the position is mistaken to be there, or for another, in {} of {n}, and seen for what it is in {}. Refused were {} of {n}.\n",
         part(|outcome| outcome.sign),
         part(|outcome| outcome.counts),

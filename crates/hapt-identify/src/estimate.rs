@@ -159,7 +159,7 @@ impl BestFit {
     pub fn identified(&self, record: &CancellableRecord<'_>, known: &Known) -> Identified {
         let lag = self.lag.as_ref().filter(|lag| known.lag.is_some() || lag.is_seen() || !is_right(record, &self.best));
         let mut bounded = lag.map_or_else(|| Bounded::new(record, self.best), |lag| lag.bounded(record));
-        // The intervals reach to it by its size; the sign is not told.
+        // The intervals reach to it by its size; the sign is not determined.
         let rival = rival(record, &bounded.fit).map(|fit| fit.puck);
         bounded.ends.extend(rival.map(|puck| Puck { gain: -puck.gain, ..puck }));
         let residual = residual(&left(record, &bounded.fit));

@@ -115,8 +115,8 @@ pub fn holds() -> Result<()> {
     cut(&folder, board)?;
 
     let other = Board::start(&folder, &control()?)?;
-    let nobody = hapt(&["flash", "w.toml", "--device", &other.device()])?;
-    nobody.with(3, &["answers in hapt's protocol"])?;
+    let unanswered = hapt(&["flash", "w.toml", "--device", &other.device()])?;
+    unanswered.with(3, &["answers in hapt's protocol"])?;
     println!("        mps2-an386 at a pseudoterminal: sent, run, replayed, cut");
     Ok(())
 }

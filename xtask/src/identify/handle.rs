@@ -165,7 +165,7 @@ pub fn table(outcomes: &[Outcome]) -> String {
     }
     let found = outcomes.iter().filter(|outcome| outcome.covers.is_ok()).count();
     let apart = outcomes.iter().filter(|outcome| outcome.apart).count();
-    text += &format!("\nA lag is told from a delay in {}.", share(apart, found));
+    text += &format!("\nA lag is distinguished from a delay in {}.", share(apart, found));
     let sentences = [
         (Refused::Unexplained, "No device was found that explains the record"),
         (Refused::Rigid, "A device without a handle explains the record as well"),

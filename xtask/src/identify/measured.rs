@@ -246,7 +246,7 @@ fn numbers(folder: &Path, fits: &[Option<DeviceFit>]) -> Result<String> {
             device.inertia,
             device.damping,
             1e3 * device.friction,
-            if device.delay > 0.0 { format!("{:.2}", 1e3 * device.delay) } else { "not told".into() },
+            if device.delay > 0.0 { format!("{:.2}", 1e3 * device.delay) } else { "not determined".into() },
             if gain > 0.0 {
                 format!("{:.1e}", device.damping - gain * 180.0 / PI * device.delay)
             } else {

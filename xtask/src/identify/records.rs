@@ -55,7 +55,7 @@ pub fn text() -> Result<Option<String>> {
         }
     }
     text += "\nStretches of the slave's records that move freely, by the motor's torque alone, against each other and against the lab's 1.58 g m²:\n\n\
-             | length, s | stretches | with an inertia | hold the lab's | pairs that overlap | signs told, and wrong |\n\
+             | length, s | stretches | with an inertia | hold the lab's | pairs that overlap | signs determined, and wrong |\n\
              | --- | --- | --- | --- | --- | --- |\n";
     for length in LENGTHS {
         writeln!(text, "{}", stretches(&free, length)?)?;
@@ -143,7 +143,7 @@ fn compared(folder: &Path) -> Result<String> {
     for name in FREE.into_iter().chain(["m1-a-spring", "m1-c-foam"]) {
         let record = lever(folder, name, "motor")?;
         let Ok(comparison) = against(&record, &claims, false) else {
-            writeln!(text, "| {name} | refused | no fit explains the motion | not told | | |")?;
+            writeln!(text, "| {name} | refused | no fit explains the motion | not determined | | |")?;
             continue;
         };
         let why = comparison.wrong.as_ref().map_or("its numbers", |wrong| match wrong {
@@ -164,7 +164,7 @@ fn compared(folder: &Path) -> Result<String> {
 
 /// An inertia in g m².
 fn grams(x: Option<Interval>) -> String {
-    x.map_or("not told".into(), |x| format!("{:.2}: {:.2} to {:.2}", 1e3 * x.value, 1e3 * x.low, 1e3 * x.high))
+    x.map_or("not determined".into(), |x| format!("{:.2}: {:.2} to {:.2}", 1e3 * x.value, 1e3 * x.low, 1e3 * x.high))
 }
 
 fn row(fit: &TorqueFit) -> String {
@@ -174,7 +174,7 @@ fn row(fit: &TorqueFit) -> String {
         grams(fit.inertia),
         grams(fit.inertia_by_torque),
         grams(fit.inertia_by_motion),
-        fit.sign.map_or("not told".into(), |sign| format!("{sign}")),
+        fit.sign.map_or("not determined".into(), |sign| format!("{sign}")),
         if terms.is_empty() { "none".into() } else { terms.join(", ") },
         100.0 * fit.misfit.share
     )

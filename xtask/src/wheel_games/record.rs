@@ -197,7 +197,7 @@ fn table(session: &Session) -> Result<String> {
     let driven = session.speed.iter().filter(|speed| **speed >= DRIVING).count() as f64 / session.rate;
     let mut out = format!(
         "{:.0} s of driving at up to {:.0} km/h; the game's largest torque is {:.1} N m, and it is the wheel's largest.\n\n\
-         | wheel | levels a second | a law is told, of the time | stiffness, N m/rad: median (5 to 95 of 100) | late, ms | levels a second, found | the law explains | damping it lacks hands off, N m s/rad: median, most | added with hands on, of the game's torque, rms |\n\
+         | wheel | levels a second | a law is found, of the time | stiffness, N m/rad: median (5 to 95 of 100) | late, ms | levels a second, found | the law explains | damping it lacks hands off, N m s/rad: median, most | added with hands on, of the game's torque, rms |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
         driven,
         3.6 * session.speed.iter().copied().fold(0.0, f64::max),

@@ -51,12 +51,12 @@ pub struct Compared {
 }
 
 impl Verdict {
-    /// The word in the JSON: `agrees`, `contradicts`, or `not told`.
+    /// The word in the JSON: `agrees`, `contradicts`, or `not determined`.
     pub fn word(self) -> &'static str {
         match self {
             Verdict::Agrees => "agrees",
             Verdict::Contradicts => "contradicts",
-            Verdict::NotDetermined => "not told",
+            Verdict::NotDetermined => "not determined",
         }
     }
 }

@@ -62,7 +62,7 @@ fn a_spring_that_a_hand_releases_contradicts_nothing_of_its_own_device() {
 /// millionths of their effects.
 #[test]
 fn a_release_without_counts_gives_the_numbers_of_its_device() {
-    let (mut told, mut missed) = (0, Vec::new());
+    let (mut determined, mut missed) = (0, Vec::new());
     for seed in hapt_testing::seeds(24) {
         let mut rng = Rng::with_seed(seed);
         let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
@@ -81,7 +81,7 @@ fn a_release_without_counts_gives_the_numbers_of_its_device() {
         ];
         for (name, own, found) in numbers {
             let Some(found) = found else { continue };
-            told += 1;
+            determined += 1;
             let rounding = 1e-9 * own + 1e-12;
             if !(found.low - rounding..=found.high + rounding).contains(&own) {
                 missed.push((seed, name, own, found));
@@ -89,14 +89,14 @@ fn a_release_without_counts_gives_the_numbers_of_its_device() {
         }
         assert!(found.sign.is_none_or(|sign| sign.value == 1.0), "seed {seed}: {found:?}");
     }
-    assert!(told > 0 && missed.len() * 20 <= told, "{} of {told}: {missed:?}", missed.len());
+    assert!(determined > 0 && missed.len() * 20 <= determined, "{} of {determined}: {missed:?}", missed.len());
 }
 
 /// A swing has a frequency and a decay, two numbers, and a device has three: inertia, damping and delay. The opposite torque half a period
 /// later is as good too.
 #[test]
 fn a_swing_without_friction_tells_no_number_wrongly() {
-    let (mut told, mut missed) = (0, Vec::new());
+    let (mut determined, mut missed) = (0, Vec::new());
     for seed in hapt_testing::seeds(24) {
         let mut rng = Rng::with_seed(seed);
         let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
@@ -111,13 +111,13 @@ fn a_swing_without_friction_tells_no_number_wrongly() {
         assert!(found.sign.is_none_or(|sign| sign.value == 1.0), "seed {seed}: {found:?}");
         for (own, found) in [(rig.inertia, found.inertia), (rig.damping, found.damping), (rig.delay, found.delay)] {
             let Some(found) = found else { continue };
-            told += 1;
+            determined += 1;
             if !(found.low..=found.high).contains(&own) {
                 missed.push((seed, counts, own, found));
             }
         }
     }
-    assert!(missed.len() * 10 <= told, "{} of {told}: {missed:?}", missed.len());
+    assert!(missed.len() * 10 <= determined, "{} of {determined}: {missed:?}", missed.len());
 }
 
 /// In a loop with a spring the torque follows the position, so a spring alone, without any inertia, satisfies the torque's equation. The
@@ -125,7 +125,7 @@ fn a_swing_without_friction_tells_no_number_wrongly() {
 #[test]
 fn a_spring_of_the_loop_hides_no_torque_of_the_device() {
     // With fine counts the delay's valley is rough beside the noise, and over a short travel a slow cogging stands for gravity.
-    let (mut found, mut told, mut missed) = (0, 0, Vec::new());
+    let (mut found, mut determined, mut missed) = (0, 0, Vec::new());
     let seeds: Vec<u64> = hapt_testing::seeds(32).collect();
     for seed in &seeds {
         let mut rng = Rng::with_seed(*seed);
@@ -160,7 +160,7 @@ fn a_spring_of_the_loop_hides_no_torque_of_the_device() {
         ];
         for (name, own, found) in numbers {
             let Some(found) = found else { continue };
-            told += 1;
+            determined += 1;
             let half = 0.25 * (found.high - found.low);
             if !(found.low - half..=found.high + half).contains(&own) {
                 missed.push((seed, name, own, found));
@@ -168,5 +168,5 @@ fn a_spring_of_the_loop_hides_no_torque_of_the_device() {
         }
     }
     assert!(3 * found >= seeds.len(), "found {found} of {}", seeds.len());
-    assert!(missed.len() * 4 <= told, "{} of {told}: {missed:?}", missed.len());
+    assert!(missed.len() * 4 <= determined, "{} of {determined}: {missed:?}", missed.len());
 }

@@ -24,7 +24,7 @@ fn nine_in_ten_intervals_of_rich_devices_hold_their_inertia_and_no_sign_is_wrong
         }
         assert!(found.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}: {lever:?}");
     }
-    assert!(10 * determined >= 7 * all, "{determined} of {all} are told");
+    assert!(10 * determined >= 7 * all, "{determined} of {all} are determined");
     assert!(10 * held >= 9 * determined - 10, "{held} of {determined} intervals hold the inertia");
 }
 

@@ -183,7 +183,7 @@ fn a_hand_that_nothing_measures_gives_no_wrong_sign() {
 /// against the device's. What the other lever meets goes with nothing that the record has.
 #[test]
 fn the_rendered_inertia_of_another_lever_is_not_the_devices() {
-    let mut told = [0, 0];
+    let mut determined = [0, 0];
     for seed in hapt_testing::seeds(24) {
         let mut rng = Rng::with_seed(seed);
         let (inertia, damping) = (2e-4 + 2e-4 * rng.f64(), 2e-3 + 4e-3 * rng.f64());
@@ -211,11 +211,11 @@ fn the_rendered_inertia_of_another_lever_is_not_the_devices() {
         for (i, other_part) in [0.0, part].into_iter().enumerate() {
             let torques = law.iter().zip(&other).map(|(law, other)| law + other_part * other).collect();
             let found = fit(&Record::new(times.clone(), positions.clone(), torques).unwrap());
-            told[i] += i32::from(found.sign.is_some() || found.inertia.is_some());
+            determined[i] += i32::from(found.sign.is_some() || found.inertia.is_some());
         }
     }
     // Without anything else the record is that of a free lever of this inertia.
-    assert!(told[0] > 0 && told[1] == 0, "{told:?}");
+    assert!(determined[0] > 0 && determined[1] == 0, "{determined:?}");
 }
 
 /// In a loop a delay is a damping: the interval allows for a delay between those that are tried.
@@ -374,7 +374,7 @@ fn a_constant_torque_is_told_from_gravity() {
     }
     assert!(
         2 * determined >= all && 20 * held >= 17 * determined && all > 0,
-        "{held} hold the truth of {determined} told, of {all}"
+        "{held} hold the truth of {determined} determined, of {all}"
     );
 }
 

@@ -173,17 +173,17 @@ fn verdict(found: &Comparison, has_stops: bool) -> String {
             "{all}, which the misfit names{}{}{}",
             list(Verdict::Contradicts, "by the torque's equation the file is wrong in"),
             list(Verdict::Agrees, "it agrees in"),
-            list(Verdict::NotDetermined, "not told by this record")
+            list(Verdict::NotDetermined, "not determined by this record")
         );
     }
     let (wrong, silent) = (of(Verdict::Contradicts), of(Verdict::NotDetermined));
     let mut text = match wrong.is_empty() {
-        true if of(Verdict::Agrees).is_empty() => return "the record tells none of the file's numbers".into(),
+        true if of(Verdict::Agrees).is_empty() => return "the record determines none of the file's numbers".into(),
         true => "the record agrees with the file".to_string(),
         false => format!("the record contradicts the file: {}", wrong.join(", ")),
     };
     if !silent.is_empty() {
-        let _ = write!(text, "; not told by this record: {}", silent.join(", "));
+        let _ = write!(text, "; not determined by this record: {}", silent.join(", "));
     }
     text
 }

@@ -119,7 +119,7 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
     line(
         "sign",
         match found.sign {
-            None if given.record.is_driven() => "not told".into(),
+            None if given.record.is_driven() => "not determined".into(),
             None => "not in this record".into(),
             Some(sign) if sign.value < 0.0 => "-1: a positive torque makes the position fall".into(),
             Some(_) => "1: a positive torque makes the position grow".into(),
@@ -162,7 +162,7 @@ pub fn lag(lag: Interval) -> String {
     match lag.low > 0.0 {
         true => sized(lag, 1e3, "ms"),
         false => {
-            format!("not told from the delay, which is both together; up to {} ms fits", digits(1e3 * lag.high, 2))
+            format!("not separable from the delay, which is the sum of both; up to {} ms fits", digits(1e3 * lag.high, 2))
         }
     }
 }

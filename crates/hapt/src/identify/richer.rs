@@ -36,11 +36,11 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&E
     let table = table(given, fit);
     if fit.is_moved_by_another {
         messages::say(
-            "note: no inertia can be told from this record: more than a twentieth of the torque (of a device without friction a fiftieth) goes with nothing that moves, so something else moves the device, such as a hand, or it runs into end stops that no fit explained; --force COLUMN takes in a hand's sensor, and --from and --to leave stops out",
+            "note: no inertia can be determined from this record: more than a twentieth of the torque (of a device without friction a fiftieth) goes with nothing that moves, so something else moves the device, such as a hand, or it runs into end stops that no fit explained; --force COLUMN takes in a hand's sensor, and --from and --to leave stops out",
         );
     } else if fit.inertia.is_none() {
         messages::say(
-            "note: no inertia can be told from this record; record faster motion in both directions, free of hands or with --force COLUMN for their sensor",
+            "note: no inertia can be determined from this record; record faster motion in both directions, free of hands or with --force COLUMN for their sensor",
         );
     }
     if given.record.forces().is_some() && fit.inertia.is_some() {
@@ -82,9 +82,9 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
     let mut line = |name: &str, words: String| {
         let _ = writeln!(text, "{name:<9} {words}");
     };
-    let within = |x: Option<Interval>, factor: f64, unit: &str| x.map_or("not told".into(), |x| sized(x, factor, unit));
+    let within = |x: Option<Interval>, factor: f64, unit: &str| x.map_or("not determined".into(), |x| sized(x, factor, unit));
     let or_best = |x: Option<Interval>, best: f64, factor: f64, unit: &str| {
-        let fits = || format!("not told; the best fit has {} {unit}", print::digits(factor * best, 3));
+        let fits = || format!("not determined; the best fit has {} {unit}", print::digits(factor * best, 3));
         x.map_or_else(fits, |x| sized(x, factor, unit))
     };
     if inertia_is_known {
@@ -99,7 +99,7 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
     }
     line("damping", or_best(fit.damping, fit.best.damping, 1.0, &damping));
     line("friction", or_best(fit.friction, fit.best.friction, per_si, effort));
-    line("delay", "not told beside the misfit".into());
+    line("delay", "not determined beside the misfit".into());
     if let Some(offset) = fit.offset.filter(|offset| !offset.covers(0.0)) {
         line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
         // A constant torque brakes in one direction and drives in the other.
@@ -119,7 +119,7 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
         match fit.sign {
             Some(sign) if sign < 0.0 => "-1: a positive torque makes the position fall".into(),
             Some(_) => "1: a positive torque makes the position grow".into(),
-            None => "not told".into(),
+            None => "not determined".into(),
         },
     );
     for (i, words) in print::misfit_lines(&fit.misfit).into_iter().enumerate() {
@@ -165,7 +165,7 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     let mut line = |key: &str, x: Option<Interval>, factor: f64, unit: &str| {
         let _ = match x {
             Some(x) => writeln!(text, "{}", entry(key, x, factor, unit)),
-            None => writeln!(text, "# {key}: not told by this record"),
+            None => writeln!(text, "# {key}: not determined by this record"),
         };
     };
     let [of_damping, friction] = beside_stribeck(fit);

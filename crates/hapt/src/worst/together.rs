@@ -64,7 +64,7 @@ fn verdict(worst: &WorstOfNetwork) -> String {
 }
 
 fn hand(station: &Station, hand: Option<&Hand>) -> String {
-    let Some(hand) = hand else { return "nobody".into() };
+    let Some(hand) = hand else { return "no hand".into() };
     let to = match station.world.motion {
         Motion::Rotary => format!("{} deg", format::number(hand.to.to_degrees())),
         Motion::Linear => format!("{} mm", format::number(1e3 * hand.to)),

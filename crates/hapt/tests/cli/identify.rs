@@ -189,7 +189,7 @@ fn a_hand_on_the_puck_contradicts_every_file() {
     let ended = identify(at.path(), &["held.csv", "--against", "w.toml", "--plot", "held.svg"]);
     assert_eq!(ended.code, Some(1), "{}", ended.err);
     for word in
-        ["a torque moved the puck that no such device has", "inertia         -", "not told, no interval is valid"]
+        ["a torque moved the puck that no such device has", "inertia         -", "not determined, no interval is valid"]
     {
         assert!(ended.out.contains(word), "{word}: {}", ended.out);
     }
@@ -202,7 +202,7 @@ fn a_hand_on_the_puck_is_no_experiment_and_leaves_no_device_behind() {
     hapt(at.path(), ["sim", "w.toml", "--out", "."]).done();
     for options in [&["--write", "device.toml"][..], &["--handle"]] {
         let ended = identify(at.path(), &[&["held.csv", "--json"], options].concat()).done();
-        assert!(ended.err.contains("no inertia can be told from this record"), "{}", ended.err);
+        assert!(ended.err.contains("no inertia can be determined from this record"), "{}", ended.err);
         assert_eq!(
             ended.err.contains("no handle on a flexible shaft explains"),
             options == ["--handle"],
@@ -224,7 +224,7 @@ fn a_motion_that_no_torque_makes_has_a_misfit_and_no_numbers() {
     let text = format!("t_ms,angle_deg,tau_mNm\n{}\n", rows.join("\n"));
     let at = folder(&[("log.csv", &text)]);
     let ended = identify(at.path(), &["log.csv", "--json", "--write", "device.toml"]).done();
-    for words in ["the motion does not follow from the torque", "look at the columns", "no inertia can be told"] {
+    for words in ["the motion does not follow from the torque", "look at the columns", "no inertia can be determined"] {
         assert!(ended.err.contains(words), "{}", ended.err);
     }
     let json: serde_json::Value = serde_json::from_str(&ended.out).unwrap();
