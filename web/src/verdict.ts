@@ -19,8 +19,8 @@ const ABOUT = {
 /** "Waiting" is shown only once a verdict has not come within this time after its world, in ms. */
 const SOON = 250;
 
-/** Of a claim that is neither good nor bad. */
-const UNDECIDED: Partial<Record<keyof typeof NAMES, [string, string]>> = { held: ["=", "marginal"], free: ["=", "marginal"] };
+/** Mark and meaning of a claim that neither holds nor fails: its sentence begins with "marginal", or it is not proved. */
+const undecided = (text: string): [string, string] => text.startsWith("marginal") ? ["=", "marginal"] : ["?", "not proved"];
 
 export class VerdictCard {
   private readonly root: HTMLElement;
@@ -68,7 +68,7 @@ export class VerdictCard {
     const marks = html("p", { class: "marks" });
     const sentences = html("dl");
     for (const { what, ok, text } of verdict.sentences) {
-      const [mark, meaning, kind] = ok === null ? [...(UNDECIDED[what] ?? ["?", "not proved"]), "even"] : ok ? ["✓", "good", "good"] : ["✗", "bad", "bad"];
+      const [mark, meaning, kind] = ok === null ? [...undecided(text), "even"] : ok ? ["✓", "good", "good"] : ["✗", "bad", "bad"];
       // A sentence that is neither good nor bad has its meaning as a word.
       const word = ok === null ? ` ${NAMES[what] ?? what}: ${meaning}` : ` ${NAMES[what] ?? what}`;
       const named = () => [html("span", ok === null ? { "aria-hidden": "true" } : { "aria-label": meaning, role: "img" }, mark!), word];
