@@ -45,7 +45,7 @@ use anyhow::{Result, bail};
 
 const USAGE: &str = "\
 cargo xtask test      format, lints, tests, docs, every world file, proofs, documents
-                      released: the program of cargo run --release, against the tested one
+                      released: the program of cargo build --release, against the tested one
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md

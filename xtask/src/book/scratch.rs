@@ -56,7 +56,7 @@ impl Scratch {
         for line in
             block.replace("\\\n", "").lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
         {
-            let line = match line.strip_prefix("cargo run --release") {
+            let line = match line.strip_prefix("cargo run") {
                 Some("") => "hapt".to_string(),
                 Some(rest) if rest.starts_with(" -- ") => rest.replacen(" --", "hapt", 1),
                 _ => line.to_string(),

@@ -75,7 +75,7 @@ pub fn oddity(peculiar: Oddity) -> &'static str {
             "the game's torque pushes away from where the wheel was: no damping keeps such a wheel in the middle; is its direction inverted in the \
              game?"
         }
-        Oddity::Late => "the game's torque may be later than what can be told; its lateness counts as that",
+        Oddity::Late => "the game's torque may be later than the longest lateness that is estimated, which counts",
         Oddity::Uneven => "the game's levels come at uneven times; the longest of its usual intervals counts",
         Oddity::Swings => {
             "the free wheel's swings gain more than this law explains, as where a car answers the steering: the damping is what they show"
