@@ -162,7 +162,10 @@ pub fn lag(lag: Interval) -> String {
     match lag.low > 0.0 {
         true => sized(lag, 1e3, "ms"),
         false => {
-            format!("not separable from the delay, which is the sum of both; up to {} ms fits", digits(1e3 * lag.high, 2))
+            format!(
+                "not separable from the delay, which is the sum of both; up to {} ms fits",
+                digits(1e3 * lag.high, 2)
+            )
         }
     }
 }

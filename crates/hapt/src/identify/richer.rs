@@ -82,7 +82,8 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
     let mut line = |name: &str, words: String| {
         let _ = writeln!(text, "{name:<9} {words}");
     };
-    let within = |x: Option<Interval>, factor: f64, unit: &str| x.map_or("not determined".into(), |x| sized(x, factor, unit));
+    let within =
+        |x: Option<Interval>, factor: f64, unit: &str| x.map_or("not determined".into(), |x| sized(x, factor, unit));
     let or_best = |x: Option<Interval>, best: f64, factor: f64, unit: &str| {
         let fits = || format!("not determined; the best fit has {} {unit}", print::digits(factor * best, 3));
         x.map_or_else(fits, |x| sized(x, factor, unit))
