@@ -175,21 +175,26 @@ fn empty_verdict(config: &WorldConfig) -> VerdictMessage {
 /// The verdict of a certificate, without remedies.
 pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage {
     let mut message = empty_verdict(config);
-    let ok = |verdict: Verdict| match verdict {
-        Verdict::Stable => Some(true),
+    // An eigenvalue refutes; only a theorem shows that the claim holds.
+    let ok = |claim, verdict| match verdict {
+        Verdict::Stable => check.claims(claim).then_some(true),
         Verdict::Marginal => None,
         Verdict::Unstable => Some(false),
     };
+    // The eigenvalues leave out the device's friction, and some are of slopes that no position has.
+    let free = match check.free.verdict {
+        Verdict::Unstable if check.claims("free") => Some(true),
+        Verdict::Unstable if !check.grows_free => None,
+        verdict => ok("free", verdict),
+    };
     let decided = |certified: bool, refuted: bool| (certified || refuted).then_some(certified);
     let sentence = |what, ok, text| Sentence { what, ok, text };
-    // Friction takes what makes it grow, or no position has its slopes.
-    let is_undecided = check.free.verdict == Verdict::Unstable && !check.grows_free;
     let passive = &check.passivity;
     message.certified = check.certified.holds();
     message.sentence = check.headline();
     message.sentences = vec![
-        sentence("held", ok(check.held.verdict), check.sentence()),
-        sentence("free", if is_undecided { None } else { ok(check.free.verdict) }, check.free_sentence()),
+        sentence("held", ok("held", check.held.verdict), check.sentence()),
+        sentence("free", free, check.free_sentence()),
         sentence("passive", decided(passive.is_certified(), passive.is_refuted), check.passivity_sentence()),
     ];
     if let Some(text) = check.uneven_sentence() {
@@ -344,6 +349,31 @@ mod tests {
         let edge = 2.0 * damping / (0.3 * period);
         let found = range_of("device.gravity.torque");
         assert!(matches!(found[..], [[_, to]] if to <= edge * (1.0 + 1e-9) && to > 0.99 * edge), "{found:?} to {edge}");
+    }
+
+    /// A wall needs more damping than the device has: friction takes the rest up to a speed, and the supervisor may keep that speed.
+    #[test]
+    fn a_free_wheel_is_good_by_a_theorem_and_bad_by_a_motion_that_grows() {
+        let wall = |side: &str, at: &str| {
+            format!(
+                "[[couplings]]\nkind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nside = \"{side}\"\nat = {at}\nstiffness = 7\n"
+            )
+        };
+        let free = |damping: f64, friction: f64, walls: &str, overspeed: &str| {
+            let device = format!("device = {{ inertia = 1e-3, damping = {damping}, friction = {friction} }}\n");
+            let file = format!("loop.period = 1e-3\n{device}{overspeed}{walls}");
+            let config = WorldConfig::new(Source::from_text("walls.toml", file), Vec::new()).unwrap();
+            let check = check(&config.certified_world()).unwrap();
+            assert_eq!(check.free.verdict, Verdict::Unstable);
+            let verdict = to_verdict(&config, &check);
+            (verdict.sentences.iter().find(|sentence| sentence.what == "free").unwrap().ok, verdict.certified)
+        };
+        let (one, two) = (wall("above", "0.2"), wall("above", "0.2") + &wall("below", "-0.2"));
+        let kept = "safety.overspeed = 5\n";
+        assert_eq!(free(3e-3, 0.01, &one, kept), (Some(true), true));
+        // Enough for either wall, and no position is in both.
+        assert_eq!(free(5e-3, 0.01, &two, ""), (None, false));
+        assert_eq!(free(3e-3, 0.0, &one, kept), (Some(false), false));
     }
 
     #[test]
