@@ -42,6 +42,7 @@ pub fn run(args: &InitArgs) -> Result<ExitCode, Failure> {
     if !schema_is_there {
         refuse_existing(&schema_path)?;
     }
+    refuse_file_name(folder)?;
     make(folder)?;
 
     let world = draft(&world_path, world)?;
@@ -67,6 +68,18 @@ fn refuse_existing(path: &Path) -> Result<(), Failure> {
         Ok(_) => Err(Failure::input(format!("{} is there already; init overwrites nothing", path.display()))),
         Err(_) => Ok(()),
     }
+}
+
+/// A name of a world file is no new folder.
+fn refuse_file_name(folder: &Path) -> Result<(), Failure> {
+    if folder.extension().is_none_or(|extension| extension != "toml") || folder.is_dir() {
+        return Ok(());
+    }
+    let (name, bare) = (folder.display(), folder.with_extension(""));
+    Err(Failure::input(format!(
+        "{name} is the name of a file; init makes a folder, and world.toml in it: hapt init {}",
+        bare.display()
+    )))
 }
 
 fn make(folder: &Path) -> Result<(), Failure> {

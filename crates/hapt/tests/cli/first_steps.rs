@@ -103,6 +103,7 @@ fn init_in_a_file_or_from_an_unknown_template_is_refused() {
     let at = folder(&[("file", "")]);
     hapt(at.path(), ["init", "file"]).refused(2, &["file is a file; init needs a folder"]);
     hapt(at.path(), ["init", "file/below"]).refused(2, &["file is a file; init needs a folder"]);
+    hapt(at.path(), ["init", "mine/wheel.toml"]).refused(2, &["is the name of a file", "hapt init mine/wheel"]);
     let words = ["no template \"detent\"", "did you mean \"detents\"?", "spring-mass, wall, detents, damper"];
     hapt(at.path(), ["init", "--template", "detent"]).refused(2, &words);
     hapt(at.path(), ["init", "--template", "zebra"]).refused(2, &["; the templates are ", &TEMPLATES.join(", ")]);
