@@ -184,8 +184,8 @@ pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage 
     // The eigenvalues leave out the device's friction, and some are of slopes that no position has.
     let free = match check.free.verdict {
         Verdict::Unstable if check.claims("free") => Some(true),
-        Verdict::Unstable if !check.grows_free => None,
-        verdict => ok("free", verdict),
+        Verdict::Unstable => check.grows_free.then_some(false),
+        verdict @ (Verdict::Stable | Verdict::Marginal) => ok("free", verdict),
     };
     let decided = |certified: bool, refuted: bool| (certified || refuted).then_some(certified);
     let sentence = |what, ok, text| Sentence { what, ok, text };
