@@ -21,6 +21,8 @@ pub const TARGETS: [&str; 5] =
 const GLIBC: &str = "2.17";
 /// Debian's libraries for the processor that QEMU runs (libc6-arm64-cross).
 const AARCH64: &str = "/usr/aarch64-linux-gnu";
+/// The most that this machine's program has, in bytes: one of which a profile leaves parts unoptimised has twice as many.
+const MAX_BYTES: u64 = 25_000_000;
 /// How the verdict on the notes' wheel begins.
 const VERDICT: &str = "Certified:";
 /// The file that `hapt sim` writes of the run under Euler's method.
@@ -46,6 +48,10 @@ pub fn build(target: &str) -> Result<Made> {
     }
     done(&mut cargo)?;
     let built = programs::target().join(target).join(SHIPPED);
+    if target == HERE {
+        let bytes = fs::metadata(built.join("hapt"))?.len();
+        ensure!(bytes <= MAX_BYTES, "the program has {bytes} bytes, more than {MAX_BYTES}");
+    }
     let made = pack(target, &built, &own()?)?;
     let tried = match target {
         HERE => Some(used_in_an_empty_root(&made)?),
