@@ -376,6 +376,23 @@ mod tests {
         assert_eq!(free(3e-3, 0.0, &one, kept), (Some(false), false));
     }
 
+    /// Levant's differentiator is covered by no theorem: eigenvalues that decay show nothing.
+    #[test]
+    fn a_free_wheel_that_decays_without_a_theorem_is_not_proved() {
+        let file = "loop = { period = 1e-3, estimator = \"levant\", acceleration = 500 }\n\
+                    device = { inertia = 6.4e-4, damping = 6e-3 }\n\
+                    couplings = [{ kind = \"damper\", between = [\"puck\", \"ground\"], damping = 2e-3 }]\n";
+        let config = WorldConfig::new(Source::from_text("levant.toml", file), Vec::new()).unwrap();
+        let check = check(&config.certified_world()).unwrap();
+        assert_eq!(check.free.verdict, Verdict::Stable);
+        assert!(
+            to_verdict(&config, &check)
+                .sentences
+                .iter()
+                .any(|sentence| sentence.what == "free" && sentence.ok.is_none())
+        );
+    }
+
     #[test]
     fn every_remedy_of_keys_makes_the_world_certified_when_they_are_set_together() {
         // A wheel, a wheel with a wall and detents, and one with a bristle: some need one key, some several.

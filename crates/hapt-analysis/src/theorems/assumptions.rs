@@ -41,9 +41,9 @@ pub(super) const SATURATION: &str = "the motor's limit cuts the torque on the pu
 const AT_LIMIT: &str = "at the motor's limit the loop is not linear, and eigenvalues tell nothing of it: the couplings at the puck need \
      limits that together are no more than the motor's";
 
-/// A damper behind a Kalman filter is proved as long as nothing cuts its torque.
-const LIMITED_KALMAN: &str =
-    "the motor's limit cuts the torque, and dampers behind a Kalman filter have a proof only without that";
+/// A damper behind a Kalman filter is proved as long as nothing cuts its torque, and one behind Levant's differentiator is not proved.
+const LIMITED_ESTIMATOR: &str =
+    "the motor's limit cuts the torque, and with that no theorem covers dampers behind this estimator";
 
 /// A torque along the acceleration is proved as long as nothing cuts it.
 const LIMITED_ACCELERATION: &str = "the motor's limit cuts the torque, and torques along the acceleration have a proof only without that, or \
@@ -205,7 +205,7 @@ fn limit(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Option<S
         return Ok(Some(SATURATION.to_string()));
     }
     if outside_estimator(world).is_some() {
-        return Ok(Some(LIMITED_KALMAN.to_string()));
+        return Ok(Some(LIMITED_ESTIMATOR.to_string()));
     }
     if world.couplings.iter().any(|c| Acceleration::of(&c.law).is_some()) {
         return Ok(Some(LIMITED_ACCELERATION.to_string()));
